@@ -44,6 +44,7 @@ struct EmccdDescription {
   double register_full_well_e = 800000;
   int adc_bits = 16;
   std::vector<ReadoutMode> readout_modes;
+  bool operator==(const EmccdDescription&) const = default;
 };
 
 struct QcmosDescription {
@@ -67,6 +68,7 @@ struct QcmosDescription {
   double line_time_s = 3.6e-6;              // standard scan; ultra quiet from the camera's timing
   double line_time_ultra_quiet_s = 86.4e-6;
   std::vector<ReadoutMode> readout_modes;
+  bool operator==(const QcmosDescription&) const = default;
 };
 
 /// A sensor with a serial number: its pixel maps are drawn once from it and persist.

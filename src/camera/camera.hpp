@@ -1,6 +1,6 @@
 #pragma once
-// A scientific camera without physics and without network: features, triggers, exposure, frame timing, buffers. It
-// asks a FrameSource for pixels and hands frames to a FrameSink.
+// A scientific camera without physics and without network: features, triggers, exposure, frame timing,
+// buffers. It asks a FrameSource for pixels and hands frames to a FrameSink.
 
 #include <cstdint>
 #include <functional>
@@ -17,29 +17,37 @@
 
 namespace atomcam {
 
-/// What a model of camera is: identity, sensor geometry, readout modes, timing figures, set-points at power-up.
+/// What a model of camera is: identity, sensor geometry, readout modes, timing figures, set-points at
+/// power-up.
 struct CameraModel {
   CameraKind kind = CameraKind::emccd;
   std::string vendor = "atomcam";
-  std::string model;                 // "iXon Ultra 897" / "ORCA-Quest C15550-20UP" (simulated)
+  std::string model;  // "iXon Ultra 897" / "ORCA-Quest C15550-20UP" (simulated)
   std::string version;
   std::string serial;
   std::string user_name;
   Shape sensor;
   double pixel_um = 16;
   std::vector<ReadoutMode> readout_modes;
-  CameraSettings power_up;           // region = whole sensor
+  CameraSettings power_up;  // region = whole sensor
   int adc_bits = 16;
-  int render_threads = 1;            // frames rendered ahead of their time
+  int render_threads = 1;  // frames rendered ahead of their time
 };
 
-/// A control that the camera passes through to its FrameSource as an override: a feature and the override's key.
+/// A control that the camera passes through to its FrameSource as an override: a feature and the override's
+/// key.
 struct SourceControl {
-  FeatureDeclaration feature;        // category SimulationControl (or one below it)
-  std::string key;                   // "atoms.filling"; value = number in the key's unit
+  FeatureDeclaration feature;  // category SimulationControl (or one below it)
+  /// "atoms.filling"; value = number in the key's unit. Only values that differ from the default are passed
+  /// on. With feature.selector, a '*' in the key stands for the name of the selector's entry
+  /// ("optics.zernike_um.*"); the selector itself is a control before it, an enumeration with an empty key.
+  std::string key;
+  std::vector<double>
+      selected_defaults;  // one per entry of the selector; empty: feature.default_value for all
 };
 
-using FeatureValue = std::variant<std::int64_t, double, bool, std::string>;  // enumerations: entry name as string
+using FeatureValue =
+    std::variant<std::int64_t, double, bool, std::string>;  // enumerations: entry name as string
 
 struct FeatureRange {
   double minimum = 0, maximum = 0, increment = 0;
@@ -51,7 +59,8 @@ class Camera : public TransportCamera {
   static std::unique_ptr<Camera> open(CameraModel model, std::shared_ptr<FrameSource> source,
                                       std::vector<SourceControl> controls = {});
 
-  // By name, for vendor libraries, the command line and tests. Errors name the feature, the value and the range.
+  // By name, for vendor libraries, the command line and tests. Errors name the feature, the value and the
+  // range.
   virtual FeatureValue get(std::string_view feature) = 0;
   virtual void set(std::string_view feature, const FeatureValue& value) = 0;
   virtual void execute(std::string_view command) = 0;

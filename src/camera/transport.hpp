@@ -16,7 +16,7 @@ enum class RegisterStatus {
   invalid_address,
   write_protect,
   bad_alignment,
-  access_denied,      // locked while acquiring
+  access_denied,  // locked while acquiring
   busy,
   invalid_parameter,  // out of range, not an entry
 };
@@ -27,7 +27,7 @@ struct CameraFrame {
   std::uint64_t timestamp_ns = 0;  // start of exposure on the camera's clock
   std::uint32_t pixel_format = 0;  // PFNC code
   std::uint32_t width = 0, height = 0, offset_x = 0, offset_y = 0;
-  bool chunks = false;             // payload ends with [data][id32][length32] records, image first
+  bool chunks = false;  // payload ends with [data][id32][length32] records, image first
   std::size_t image_bytes = 0;
   std::vector<std::uint8_t> payload;
 };
@@ -37,6 +37,11 @@ struct CameraEvent {
   std::uint64_t frame_id = 0;
   std::uint64_t timestamp_ns = 0;
 };
+
+/// What an event is called on the wire (device-specific events begin at 0x9000) and in the XML.
+constexpr int event_id(CameraEvent::Kind kind) {
+  return kind == CameraEvent::Kind::exposure_end ? 0x9001 : 0x9002;
+}
 
 /// Receives frames in order, from the camera's delivery thread. Must not block for long.
 class FrameSink {
@@ -64,7 +69,8 @@ class TransportCamera {
   virtual RegisterStatus read(std::uint32_t address, std::span<std::uint8_t> bytes) = 0;
   virtual RegisterStatus write(std::uint32_t address, std::span<const std::uint8_t> bytes) = 0;
 
-  /// The GenICam XML: the camera's features plus the transport's own (which carry their addresses).
+  /// The GenICam XML: the camera's features plus the transport's own, which carry their addresses; those
+  /// without an address are constants (default_value, default_string).
   virtual std::string genicam_xml(std::span<const FeatureDeclaration> transport_features) const = 0;
 
   /// One sink at a time; nullptr detaches. Delivery to the old sink has ended on return.

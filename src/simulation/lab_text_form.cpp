@@ -9,9 +9,17 @@
 namespace atomcam {
 
 std::string number_text(double value) {
+  // Plain below a million, where people count digits; above, what is shorter, as 1.7e7 rather than 1.7e+07.
+  if (value == std::trunc(value) && std::abs(value) < 1e6) return fmt::format("{:.0f}", value + 0.0);
   char buffer[32];
-  const auto end = std::to_chars(buffer, buffer + sizeof buffer, value).ptr;
-  return std::string(buffer, end);
+  std::string text(buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr);
+  const auto exponent = text.find('e');
+  if (exponent == std::string::npos) return text;
+  std::size_t digits = exponent + 1;
+  if (text[digits] == '+') text.erase(digits, 1);
+  if (text[digits] == '-') ++digits;
+  while (text[digits] == '0' && digits + 1 < text.size()) text.erase(digits, 1);
+  return text;
 }
 
 std::optional<double> parse_number(std::string_view text) {

@@ -78,9 +78,10 @@ LabText free_text(std::string key, std::string meaning, std::string Lab::*field,
       const auto byte = static_cast<unsigned char>(letter);
       return byte >= 0x20 && byte != 0x7f && !(ascii && byte > 0x7f);
     });
-    if (!plain || value.size() > longest || !is_valid_utf8(value)) {
-      throw Error(place, fmt::format("value {}; allowed up to {} {}", in_quotes(value), longest,
-                                     ascii ? "printable ASCII characters" : "bytes of one line of UTF-8"));
+    if (!plain || (ascii && value.empty()) || value.size() > longest || !is_valid_utf8(value)) {
+      throw Error(place,
+                  fmt::format("value {}; allowed {} {} {}", in_quotes(value), ascii ? "1 to" : "up to",
+                              longest, ascii ? "printable ASCII characters" : "bytes of one line of UTF-8"));
     }
     lab.*field = value;
   };

@@ -70,10 +70,6 @@ std::string Tree::what() const {
 
 namespace {
 
-bool is_list_of_tables(const Tree& tree) {
-  return tree.kind == Tree::Kind::array && !tree.items.empty() && tree.items[0].kind == Tree::Kind::table;
-}
-
 std::string scalar(const Tree& tree) {
   switch (tree.kind) {
     case Tree::Kind::text:
@@ -87,57 +83,62 @@ std::string scalar(const Tree& tree) {
   }
 }
 
+/// An entry of a list, on one line.
+std::string inline_text(const Tree& tree) {
+  if (tree.kind != Tree::Kind::table) return scalar(tree);
+  std::string text = "{";
+  for (const auto& [key, member] : tree.members) {
+    text += fmt::format("{}{} = {}", text.size() > 1 ? ", " : "", key, scalar(member));
+  }
+  return text + "}";
+}
+
 void write_comment(std::string& out, const Tree& tree, bool commented) {
   if (commented && !tree.comment.empty()) out += "# " + tree.comment + "\n";
 }
 
+std::string line_of(const std::string& key, const Tree& member, bool commented) {
+  if (member.kind != Tree::Kind::array) return fmt::format("{} = {}", key, scalar(member));
+  std::string line = fmt::format("{} = [", key);
+  for (const Tree& item : member.items) {
+    line += fmt::format("\n  {},", inline_text(item));
+    if (commented && !item.comment.empty()) line += "  # " + item.comment;
+  }
+  return line + (member.items.empty() ? "]" : "\n]");
+}
+
 void write_table(std::string& out, const Tree& table, const std::string& path, bool commented) {
   // What belongs to the table itself comes before its first sub-table; comments stand in one column.
-  std::vector<std::pair<std::string, const Tree*>> lines;
-  std::size_t widest = 0;
+  constexpr std::size_t furthest = 52;
+  std::size_t column = 0;
   for (const auto& [key, member] : table.members) {
-    if (member.kind == Tree::Kind::table || is_list_of_tables(member)) continue;
-    std::string line = key + " = ";
+    if (member.kind == Tree::Kind::table || member.kind == Tree::Kind::array) continue;
+    column = std::max(column, line_of(key, member, commented).size());
+  }
+  column = std::min(column, furthest);
+  for (const auto& [key, member] : table.members) {
+    if (member.kind == Tree::Kind::table) continue;
+    const std::string line = line_of(key, member, commented);
     if (member.kind == Tree::Kind::array) {
-      line += "[";
-      for (const Tree& item : member.items) line += "\n  " + scalar(item) + ",";
-      line += member.items.empty() ? "]" : "\n]";
-    } else {
-      line += scalar(member);
-      widest = std::max(widest, line.size());
-    }
-    lines.emplace_back(std::move(line), &member);
-  }
-  for (const auto& [line, member] : lines) {
-    if (member->kind == Tree::Kind::array) {
-      write_comment(out, *member, commented);
+      write_comment(out, member, commented);
       out += line + "\n";
-    } else if (commented && !member->comment.empty()) {
-      out += fmt::format("{:<{}}  # {}\n", line, std::min<std::size_t>(widest, 44), member->comment);
+    } else if (commented && !member.comment.empty()) {
+      out += fmt::format("{:<{}}  # {}\n", line, column, member.comment);
     } else {
       out += line + "\n";
     }
   }
   for (const auto& [key, member] : table.members) {
+    if (member.kind != Tree::Kind::table) continue;
     const std::string inner = path.empty() ? key : path + "." + key;
-    if (member.kind == Tree::Kind::table) {
-      const bool own_lines = std::any_of(member.members.begin(), member.members.end(), [](const auto& one) {
-        return one.second.kind != Tree::Kind::table && !is_list_of_tables(one.second);
-      });
-      if (own_lines || !member.comment.empty() || member.members.empty()) {
-        out += "\n";
-        write_comment(out, member, commented);
-        out += "[" + inner + "]\n";
-      }
-      write_table(out, member, inner, commented);
-    } else if (is_list_of_tables(member)) {
-      for (const Tree& item : member.items) {
-        out += "\n";
-        write_comment(out, item, commented);
-        out += "[[" + inner + "]]\n";
-        write_table(out, item, inner, commented);
-      }
+    const bool own_lines = std::any_of(member.members.begin(), member.members.end(),
+                                       [](const auto& one) { return one.second.kind != Tree::Kind::table; });
+    if (own_lines) {
+      out += "\n";
+      write_comment(out, member, commented);
+      out += fmt::format("[{}]\n", inner);
     }
+    write_table(out, member, inner, commented);
   }
 }
 

@@ -1,4 +1,4 @@
-#include <cmath>
+#include <algorithm>
 
 #include <fmt/format.h>
 #include <toml++/toml.h>
@@ -11,6 +11,45 @@ namespace {
 
 int line_of(const toml::node& node) {
   return static_cast<int>(node.source().begin.line);
+}
+
+/// Dotted names nest without a limit of toml++'s, and it frees what it read by recursion: long ones are
+/// refused before it sees them. (Nested brackets it limits itself.) Knows strings and comments apart from
+/// names.
+void refuse_long_names(std::string_view text, std::string_view place) {
+  constexpr int deepest = 64;
+  int dots = 0;
+  int line = 1;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char letter = text[i];
+    if (letter == '#') {
+      i = std::min(text.find('\n', i), text.size()) - 1;
+    } else if (letter == '"' || letter == '\'') {
+      const std::string_view triple = letter == '"' ? "\"\"\"" : "'''";
+      const bool is_long = text.substr(i, 3) == triple;
+      i += is_long ? 3 : 1;
+      const auto ends = [&] {
+        return is_long ? text.substr(i, 3) == triple : text[i] == letter || text[i] == '\n';
+      };
+      for (; i < text.size() && !ends(); ++i) {
+        if (text[i] == '\n') ++line;
+        if (letter == '"' && text[i] == '\\') ++i;
+      }
+      if (is_long) {
+        i += 2;
+        while (i + 1 < text.size() && text[i + 1] == letter)
+          ++i;  // up to two quotes more belong to the string
+      } else if (i < text.size() && text[i] == '\n') {
+        --i;  // not closed: toml++ says so
+      }
+    } else if (letter == '.') {
+      if (++dots > deepest) throw Error(fmt::format("{}:{}", place, line), "nested deeper than 64 levels");
+    } else if (letter == '\n' || letter == '=' || letter == ',' || letter == '{' || letter == '}' ||
+               letter == '[' || letter == ']') {
+      dots = 0;
+      line += letter == '\n';
+    }
+  }
 }
 
 // toml++ itself refuses more than 256 nested values, so this recursion is bounded.
@@ -49,6 +88,7 @@ Tree convert(const toml::node& node) {
 }  // namespace
 
 Tree parse_toml(std::string_view text, std::string_view place) {
+  refuse_long_names(text, place);
   try {
     return convert(toml::parse(text));
   } catch (const toml::parse_error& error) {

@@ -21,10 +21,10 @@ void put(Tree& root, std::string_view key, Tree value) {
 
 std::string comment_of(CameraKind kind, const LabParameter& parameter, double value) {
   const ParameterDeclaration& declaration = parameter.declaration;
-  std::string comment = fmt::format("{}; {}", declaration.meaning,
+  std::string comment = fmt::format("{} | {}", declaration.meaning,
                                     parameter.boolean ? "true or false" : allowed_text(declaration));
   const std::string_view source = figure_source(kind, declaration.key);
-  if (!source.empty() && value == declaration.default_value) comment += fmt::format("; {}", source);
+  if (!source.empty() && value == declaration.default_value) comment += fmt::format(" | {}", source);
   return comment;
 }
 
@@ -33,7 +33,7 @@ void add_texts(Tree& root, const Lab& lab, std::string_view section) {
     if (!text.key.starts_with(section) || (section.empty() && text.key.find('.') != std::string::npos))
       continue;
     std::string comment = text.meaning;
-    if (text.allowed) comment += fmt::format("; {}", fmt::join(text.allowed(lab), ", "));
+    if (text.allowed) comment += fmt::format(" | {}", fmt::join(text.allowed(lab), ", "));
     const std::string value = text.get(lab);
     // A choice among numbers: its text is the number.
     put(root, text.key,
@@ -122,15 +122,15 @@ void add_effects(Tree& root, const Lab& lab) {
 Tree tree_of(const Lab& lab) {
   Tree root;
   root.comment =
-      "A laboratory for atomcam. The unit of a number stands in its key; a key that is left out has the "
-      "preset's value.";
+      "A laboratory for atomcam. A key that is left out has its preset's value.\n"
+      "# Behind each value: meaning | allowed | where the preset's value comes from.";
   add_texts(root, lab, "");
   add_scalars(root, lab, "");
   root.table("camera").comment = "set-points at power-up";
   put(root, "camera.preset",
       Tree::of_text(
           (lab.kind() == CameraKind::emccd ? ixon_ultra_897() : orca_quest()).name,
-          fmt::format("where the figures not given here come from; {}", fmt::join(preset_names(), ", "))));
+          fmt::format("where what is not given here comes from | {}", fmt::join(preset_names(), ", "))));
   add_texts(root, lab, "camera.");
   add_scalars(root, lab, "camera.");
   root.table("atoms").comment = "sites and what the atoms do";

@@ -19,15 +19,15 @@ constexpr Figure figures[] = {
     {"camera.offset_y_px", 0, "full sensor"},
     {"camera.width_px", 512, "full sensor"},
     {"camera.height_px", 512, "full sensor"},
-    {"camera.binning_x", 2, "paper's published settings"},
-    {"camera.binning_y", 2, "paper's published settings"},
+    {"camera.binning_x", 2, "settings published with the paper's code"},
+    {"camera.binning_y", 2, "settings published with the paper's code"},
     {"camera.shutter_open", 1, "chosen"},
     {"camera.bias_counts", 200, "iXon Ultra hardware guide: baseline clamp"},
     {"camera.sensor_temperature_c", -80,
-     "iXon brochure: lowest -95 to -100 C; the usual air-cooled set-point"},
+     "chosen; the brochure gives -95 to -100 C as the lowest"},
     {"camera.em_gain", 300, paper},
     {"camera.vertical_shift_s", 0.5e-6, "one of the camera's speeds (unverified)"},
-    {"camera.frame_transfer", 1, "iXon Ultra hardware guide: default for repeated exposures"},
+    {"camera.frame_transfer", 1, "chosen: the next exposure runs during the readout"},
 
     {"atoms.scattering_rate_hz", 30000,
      "paper: the example of its forward check; its fits of real frames lie between 2.52e4 and 3.39e4"},
@@ -81,17 +81,19 @@ constexpr Figure figures[] = {
      "settings"},
     {"sensor.dark_reference_c", -80, "belongs to the dark current"},
     {"sensor.register_stages", 536,
-     "CCD97; Hirsch et al., PLoS ONE 8, e53671 (2013); paper's published settings"},
+     "CCD97; Hirsch et al., PLoS ONE 8, e53671 (2013); settings published with the paper's code"},
     {"sensor.dark_activation_k", 1372.8,
      "fit 0.305 exp(-1372.8 K / T) e-/s to the catalogue's dark current, -80 to -100 C"},
     {"sensor.clock_induced_charge_e", 0.00037,
-     "paper's published settings; with serial_cic it gives the data sheet's 0.0018 events"},
+     "settings published with the paper's code; with serial_cic it gives the data sheet's 0.0018 events"},
     {"sensor.pixel_full_well_e", 180000, "secondary quotation of the data sheet"},
     {"sensor.register_full_well_e", 800000, "secondary quotation of the data sheet"},
 };
 
 constexpr std::string_view preamp_table = "published dynamic-range calculator quoting Andor's tables";
-constexpr std::string_view same_preamp = "noise as above; e-/count taken over from 17 MHz (unverified)";
+constexpr std::string_view same_preamp =
+    "noise: published dynamic-range calculator quoting Andor's tables; e-/count taken over from 17 MHz "
+    "(unverified)";
 constexpr std::string_view scaled =
     "scaled with the preamp noise of an iXon Ultra 888's performance sheet (unverified)";
 constexpr std::string_view guessed = "interpolated between the sheets of the 897 and the 888 (unverified)";
@@ -129,7 +131,8 @@ const ModeFigure modes[] = {
 
 constexpr EffectFigure effects[] = {
     {"serial_cic", 0.01072,
-     "paper's published settings: 2e-5 for each of 536 stages; 1.07 % of the pixels of a frame"},
+     "settings published with the paper's code: 2e-5 for each of 536 stages; 1.07 % of the pixels of a "
+     "frame"},
 };
 
 Lab blank() {

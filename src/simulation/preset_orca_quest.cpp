@@ -10,7 +10,7 @@ constexpr std::string_view paper = "paper";
 constexpr std::string_view zernike = "paper, table of fitted Zernike coefficients";
 constexpr std::string_view no_tilt = "paper: not fitted or not a property of the optics";
 constexpr std::string_view sheet = "secondary quotation of the data sheet";
-constexpr std::string_view published = "paper's published settings";
+constexpr std::string_view published = "settings published with the paper's code";
 
 constexpr Figure figures[] = {
     {"seed", 1, "chosen"},
@@ -85,7 +85,7 @@ constexpr Figure figures[] = {
     {"sensor.dark_gamma_shape", 0.016, published},
     {"sensor.dark_doubling_c", 10.6, "from the data sheet's 0.006 e-/s at -35 C and 0.016 e-/s at -20 C"},
     {"sensor.offset_sigma_counts", 0.5, "dark signal non-uniformity of 0.06 e- in all (unverified)"},
-    {"sensor.column_gumbel_counts", 0.187, "paper's published settings: 0.02 e-"},
+    {"sensor.column_gumbel_counts", 0.187, "settings published with the paper's code: 0.02 e-"},
     {"sensor.row_offset_sigma_counts", 0.187,
      "paper: rows stand out in the mean of closed-shutter frames; taken as large as the columns "
      "(unverified)"},

@@ -65,8 +65,8 @@ class RandomStream {
   }
   /// Uniform in the open interval (0, 1), 2^-32 apart: never 0, never 1.
   double uniform() { return (static_cast<double>((*this)()) + 0.5) * 0x1p-32; }
-  /// Uniform in the open interval (0, 1) with 53 random bits.
-  double uniform53() { return (static_cast<double>(next64() >> 11) + 0.5) * 0x1p-53; }
+  /// Uniform in the open interval (0, 1), 2^-52 apart: with one bit more, the largest value would round to 1.
+  double uniform53() { return (static_cast<double>(next64() >> 12) + 0.5) * 0x1p-52; }
 
   static constexpr std::uint32_t min() { return 0; }
   static constexpr std::uint32_t max() { return 0xffffffffu; }

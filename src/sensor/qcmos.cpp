@@ -1,0 +1,206 @@
+#include "sensor/qcmos.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "base/error.hpp"
+#include "base/math.hpp"
+#include "base/samplers.hpp"
+#include "sensor/background.hpp"
+#include "sensor/dark_map.hpp"
+#include "sensor/defects.hpp"
+#include "sensor/photo_electrons.hpp"
+#include "sensor/readout_settings.hpp"
+#include "sensor/recent.hpp"
+#include "sensor/row_loops.hpp"
+#include "sensor/word_laws.hpp"
+
+namespace atomcam {
+namespace {
+
+class Qcmos final : public Sensor {
+ public:
+  Qcmos(QcmosDescription description, QcmosMaps maps)
+      : description_(std::move(description)), maps_(std::move(maps)), dark_(maps_.dark_ratio) {}
+
+  CameraKind kind() const override { return CameraKind::qcmos; }
+  Shape shape() const override { return description_.shape; }
+  double quantum_efficiency() const override { return description_.quantum_efficiency; }
+  double pixel_um() const override { return description_.pixel_um; }
+  std::span<const ReadoutMode> readout_modes() const override { return description_.readout_modes; }
+  std::unique_ptr<Readout> begin(const CameraSettings& settings, const SensorLight& light, std::uint64_t seed,
+                                 std::uint64_t frame) const override;
+
+ private:
+  class QcmosReadout;
+
+  std::shared_ptr<const std::vector<PixelAddress>> defects(HotPixelCorrection level) const {
+    return defects_.get(level,
+                        [&] { return find_defects(*maps_.read_noise_ratio, *maps_.dark_ratio, level); });
+  }
+
+  QcmosDescription description_;
+  QcmosMaps maps_;
+  DarkMap dark_;
+  mutable Background::Cache background_cache_;
+  mutable Recent<HotPixelCorrection, std::vector<PixelAddress>> defects_{3};
+};
+
+/// Refers to its sensor, which outlives it.
+class Qcmos::QcmosReadout final : public Sensor::Readout {
+ public:
+  QcmosReadout(const Qcmos& sensor, const CameraSettings& settings, const SensorLight& light,
+               std::uint64_t seed, std::uint64_t frame)
+      : sensor_(sensor),
+        settings_(settings),
+        plane_{settings.region.height, settings.region.width},
+        atoms_(light.atoms, plane_),
+        background_(sensor.background_cache_, plane_, 0, light.background_e, light.background_ratio, seed,
+                    frame),
+        frame_(frame),
+        dark_key_(stream_key(seed, stream_id("sensor/dark_electrons"))),
+        noise_key_(stream_key(seed, stream_id("sensor/read_noise"))),
+        row_noise_key_(stream_key(seed, stream_id("sensor/row_noise"))),
+        flicker_key_(stream_key(seed, stream_id("sensor/flicker"))) {
+    const QcmosDescription& description = sensor.description_;
+    const ReadoutMode& mode = readout_mode_of(settings, description.readout_modes);
+    well_e_ = static_cast<std::int32_t>(description.full_well_e);
+    largest_count_ = static_cast<float>((1 << description.adc_bits) - 1);
+    electrons_per_count_ = static_cast<float>(mode.electrons_per_count);
+    conversion_.bias_counts = static_cast<float>(settings.bias_counts);
+    conversion_.counts_per_e = static_cast<float>(1 / mode.electrons_per_count);
+    conversion_.read_noise_e = static_cast<float>(mode.read_noise_e);
+    conversion_.flicker_noise_e = static_cast<float>(description.flicker_noise_e);
+    dark_e_ = description.dark_rate_e_per_s * settings.exposure_s *
+              math::exp((settings.sensor_temperature_c - description.dark_reference_c) /
+                        description.dark_doubling_c * 0.69314718055994531);
+  }
+
+  Shape plane_shape() const override { return plane_; }
+
+  void collect(int row, std::span<std::int32_t> electrons) const override {
+    background_.fill(row, electrons);
+    atoms_.add(row, electrons);
+    sensor_.dark_.add(RandomStream(dark_key_, frame_, static_cast<std::uint32_t>(row)),
+                      settings_.region.offset_y + row, settings_.region.offset_x, dark_e_, electrons);
+    for (std::int32_t& n : electrons) n = std::min(n, well_e_);
+  }
+
+  void multiply(int, std::span<const std::int32_t> electrons, std::span<float> output_e) const override {
+    for (std::size_t c = 0; c < electrons.size(); ++c) output_e[c] = static_cast<float>(electrons[c]);
+  }
+
+  void add_serial_clock_induced_charge(int, double, std::span<float>) const override {}  // no serial register
+
+  void amplify(int row, std::span<const float> output_e, std::span<float> analog_counts) const override {
+    thread_local std::vector<std::uint32_t> noise, flicker;
+    const auto block = static_cast<std::uint32_t>(row);
+    noise.resize(output_e.size());
+    fill_random(noise_key_, frame_, block, noise);
+    const bool flickers = conversion_.flicker_noise_e != 0;
+    if (flickers) {
+      flicker.resize(output_e.size());
+      fill_random(flicker_key_, frame_, block, flicker);
+    }
+    row_loops::plain::qcmos_amplify(row_conversion(row), output_e, noise.data(),
+                                    flickers ? flicker.data() : nullptr, analog_counts);
+  }
+
+  void digitise(int row, std::span<const float> analog_counts,
+                std::span<std::uint16_t> counts) const override {
+    row_loops::plain::digitise(analog_counts, largest_count_, counts);
+    if (!settings_.photon_number_resolving) return;
+    // The camera knows its own pixels: offset and gain are calibrated out before the count of electrons is
+    // rounded.
+    const row_loops::QcmosConversion conversion = row_conversion(row);
+    for (std::size_t c = 0; c < counts.size(); ++c) {
+      const float zero = conversion.bias_counts + conversion.offset_counts[c];
+      const float electrons =
+          (static_cast<float>(counts[c]) - zero) * electrons_per_count_ / conversion.gain_ratio[c];
+      counts[c] = static_cast<std::uint16_t>(std::nearbyint(std::clamp(electrons, 0.0f, 65535.0f)));
+    }
+  }
+
+  void read_row(int row, std::span<std::uint16_t> counts) const override {
+    thread_local std::vector<std::int32_t> electrons;
+    thread_local std::vector<float> output_e;
+    electrons.resize(counts.size());
+    output_e.resize(counts.size());
+    collect(row, electrons);
+    multiply(row, electrons, output_e);
+    amplify(row, output_e, output_e);
+    digitise(row, output_e, counts);
+  }
+
+  CountImage finish(CountImage converted) const override {
+    if (settings_.defect_correction && !settings_.photon_number_resolving)
+      correct_defects(*sensor_.defects(settings_.hot_pixel_correction), settings_.region, converted);
+    return bin_digitally(std::move(converted), settings_.binning_x, settings_.binning_y);
+  }
+
+ private:
+  row_loops::QcmosConversion row_conversion(int row) const {
+    const int r = settings_.region.offset_y + row, c = settings_.region.offset_x;
+    row_loops::QcmosConversion conversion = conversion_;
+    conversion.offset_counts = &(*sensor_.maps_.offset_counts)(r, c);
+    conversion.gain_ratio = &(*sensor_.maps_.gain_ratio)(r, c);
+    conversion.read_noise_ratio = &(*sensor_.maps_.read_noise_ratio)(r, c);
+    if (sensor_.description_.row_noise_e != 0)
+      conversion.row_noise_e =
+          static_cast<float>(sensor_.description_.row_noise_e) *
+          word_laws::normal(RandomStream(row_noise_key_, frame_, static_cast<std::uint32_t>(row))());
+    return conversion;
+  }
+
+  const Qcmos& sensor_;
+  CameraSettings settings_;
+  Shape plane_;
+  PhotoElectronRows atoms_;
+  Background background_;
+  std::uint64_t frame_;
+  PhiloxKey dark_key_, noise_key_, row_noise_key_, flicker_key_;
+  double dark_e_ = 0;
+  std::int32_t well_e_ = 0;
+  float largest_count_ = 0;
+  float electrons_per_count_ = 1;
+  row_loops::QcmosConversion conversion_;
+};
+
+std::unique_ptr<Sensor::Readout> Qcmos::begin(const CameraSettings& settings, const SensorLight& light,
+                                              std::uint64_t seed, std::uint64_t frame) const {
+  check_region(settings, description_.shape);
+  return std::make_unique<QcmosReadout>(*this, settings, light, seed, frame);
+}
+
+template <class Map>
+void check_map(const std::shared_ptr<const Map>& map, Shape shape, const char* name) {
+  if (map != nullptr && map->shape() != shape)
+    throw Error(name, fmt::format("{} x {} pixels; the sensor has {} x {}", map->columns(), map->rows(),
+                                  shape.columns, shape.rows));
+}
+
+}  // namespace
+
+std::shared_ptr<const Sensor> make_qcmos(QcmosDescription description, std::string serial, QcmosMaps maps) {
+  check_map(maps.offset_counts, description.shape, "offset_counts");
+  check_map(maps.gain_ratio, description.shape, "gain_ratio");
+  check_map(maps.read_noise_ratio, description.shape, "read_noise_ratio");
+  check_map(maps.dark_ratio, description.shape, "dark_ratio");
+  if (!maps.offset_counts || !maps.gain_ratio || !maps.read_noise_ratio || !maps.dark_ratio) {
+    const QcmosMaps drawn = draw_qcmos_maps(description, serial);
+    if (!maps.offset_counts) maps.offset_counts = drawn.offset_counts;
+    if (!maps.gain_ratio) maps.gain_ratio = drawn.gain_ratio;
+    if (!maps.read_noise_ratio) maps.read_noise_ratio = drawn.read_noise_ratio;
+    if (!maps.dark_ratio) maps.dark_ratio = drawn.dark_ratio;
+  }
+  return std::make_shared<Qcmos>(std::move(description), std::move(maps));
+}
+
+std::shared_ptr<const Sensor> make_qcmos(QcmosDescription description, std::string serial) {
+  return make_qcmos(std::move(description), std::move(serial), {});
+}
+
+}  // namespace atomcam

@@ -60,6 +60,7 @@ class RampSource : public FrameSource {
  public:
   RenderedFrame render(std::uint64_t number, const CameraSettings& settings) override {
     ++renders;
+    if (before) before(number);
     if (delay.load().count() > 0) std::this_thread::sleep_for(delay.load());
     if (fail && fail(number)) throw std::runtime_error("no frame");
     RenderedFrame frame;
@@ -93,6 +94,8 @@ class RampSource : public FrameSource {
 
   std::atomic<int> renders = 0;
   std::atomic<std::chrono::milliseconds> delay{std::chrono::milliseconds(0)};
+  // Set before the acquisition starts.
+  std::function<void(std::uint64_t)> before;
   std::function<bool(std::uint64_t)> fail;
   std::function<std::string(std::uint64_t)> truth;
 

@@ -9,30 +9,12 @@
 #include <unordered_map>
 #include <utility>
 
+#include "optics/zernike.hpp"
 #include "simulation/lab.hpp"
 #include "simulation/lab_figures.hpp"
 
 namespace atomcam {
 namespace {
-
-/// Noll's order Z1 to Z15, which is the paper's.
-constexpr std::array<std::pair<const char*, const char*>, zernike_terms> zernike_names = {{
-    {"piston", "without effect on the image"},
-    {"horizontal_tilt", "shifts the image along x"},
-    {"vertical_tilt", "shifts the image along y"},
-    {"defocus", ""},
-    {"oblique_astigmatism", ""},
-    {"vertical_astigmatism", ""},
-    {"vertical_coma", ""},
-    {"horizontal_coma", ""},
-    {"vertical_trefoil", ""},
-    {"oblique_trefoil", ""},
-    {"primary_spherical", ""},
-    {"vertical_secondary_astigmatism", ""},
-    {"oblique_secondary_astigmatism", ""},
-    {"vertical_quadrafoil", ""},
-    {"oblique_quadrafoil", ""},
-}};
 
 /// "row_noise" -> "RowNoise"
 std::string cap_words(std::string_view snake) {
@@ -321,14 +303,16 @@ void add_optics(ParameterList& list) {
       "optics.apodisation", "1", 0, 1,
       "true: amplitude in the pupil after the sine condition of a high-NA objective",
       [](auto& lab) -> auto& { return lab.optics.apodisation; });
-  for (std::size_t term = 0; term < zernike_names.size(); ++term) {
-    const auto [name, remark] = zernike_names[term];
-    std::string meaning = "rms wavefront of Zernike term Z" + std::to_string(term + 1) + " after Noll";
-    if (*remark) meaning += std::string("; ") + remark;
+  for (std::size_t index = 0; index < zernike_terms; ++index) {
+    const ZernikeTerm& term = zernike_catalogue()[index];
+    std::string meaning =
+        std::string(term.name) + ", rms wavefront (Noll Z" + std::to_string(term.noll) + ")";
+    if (term.degree == 0) meaning += "; without effect on the image";
+    if (term.degree == 1) meaning += term.frequency > 0 ? "; shifts along x" : "; shifts along y";
     list.add(
-            "optics.zernike." + std::string(name) + "_um", "um", -2, 2,
-            meaning, [term](auto& lab) -> auto& { return lab.optics.zernike_um[term]; })
-        .live("SimZernike" + cap_words(name));
+            "optics.zernike." + std::string(term.key) + "_um", "um", -2, 2,
+            meaning, [index](auto& lab) -> auto& { return lab.optics.zernike_um[index]; })
+        .live("SimZernike" + cap_words(term.key));
   }
   list.add(
           "light.stray_light_photons_per_s", "1/s", 0, 1e8, "stray light that reaches each sensor pixel",

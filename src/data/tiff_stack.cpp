@@ -109,7 +109,8 @@ class TiffStackReader : public StackReader {
     if (bits != 16) throw Error(file.string(), std::to_string(bits) + " bits per pixel; 16 can be read");
     shape_ = {static_cast<int>(rows), static_cast<int>(columns)};
     const std::string first = description();
-    if (first.starts_with("{\"lab\":")) notes_ = parse_notes(file, first);
+    if (first.starts_with("{\"lab\":"))
+      notes_ = parse_notes(file, first.substr(0, first.find(",\"truth\":")) + "}");
   }
   CountImage counts(std::uint64_t frame) override {
     go(frame);

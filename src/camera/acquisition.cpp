@@ -1,5 +1,8 @@
 #include "camera/acquisition.hpp"
 
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -10,6 +13,8 @@ namespace {
 constexpr std::int64_t trigger_tolerance_ns =
     1000;                                // of a trigger that comes just when the camera gets ready
 constexpr std::size_t rate_window = 32;  // deliveries over which the frame rate is measured
+
+constexpr int render_niceness = 5;
 
 std::int64_t nanoseconds(double seconds) {
   return std::llround(seconds * 1e9);
@@ -26,7 +31,7 @@ Overloaded(Handlers...) -> Overloaded<Handlers...>;
 
 Acquisition::Acquisition(std::shared_ptr<FrameSource> source, int render_threads)
     : source_(std::move(source)),
-      seed_(static_cast<std::int64_t>(source_->seed())),
+      pool_(std::make_shared<BufferPool>(2 * static_cast<std::size_t>(std::max(render_threads, 1)) + 4)),
       depth_(2 * static_cast<std::size_t>(std::max(render_threads, 1)) + 2) {
   threads_.emplace_back([this] { keep_time(); });
   for (int i = 0; i < std::max(render_threads, 1); ++i) threads_.emplace_back([this] { render_frames(); });
@@ -411,6 +416,9 @@ void Acquisition::keep_time() {
 }
 
 void Acquisition::render_frames() {
+  // Behind the threads that answer clients and send frames. Concerns this thread only; if refused, nothing is
+  // lost.
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), render_niceness);
   std::unique_lock lock(mutex_);
   while (!closing_) {
     const auto found = std::find_if(exposures_.begin(), exposures_.end(), [](const ExposurePointer& e) {
@@ -430,8 +438,9 @@ void Acquisition::render_frames() {
       const RenderedFrame rendered = source_->render(exposure->number, plan.settings);
       const Shape shape{static_cast<int>(plan.layout.height), static_cast<int>(plan.layout.width)};
       if (rendered.counts.shape() == shape) {
-        frame = make_frame(rendered, plan.layout,
-                           {exposure->number, 0, plan.settings.exposure_s * 1e6, plan.chunk_gain, seed_});
+        frame = pool_->frame();
+        fill_frame(*frame, rendered, plan.layout,
+                   {exposure->number, 0, plan.settings.exposure_s * 1e6, plan.chunk_gain, plan.seed});
       }
     } catch (const std::exception&) {
       // The frame counts as lost; see LostFrameCount.

@@ -18,6 +18,7 @@
 #include <variant>
 #include <vector>
 
+#include "camera/buffer_pool.hpp"
 #include "camera/feature_state.hpp"
 #include "camera/frame_source.hpp"
 #include "camera/payload.hpp"
@@ -33,6 +34,7 @@ struct ExposurePlan {
   PayloadLayout layout;
   FrameTiming timing;
   double chunk_gain = 1;  // EM gain as the chunk tells it
+  std::int64_t seed = 0;
   ThermalModel thermal;
 
   enum class Trigger { none, software, line, action };
@@ -113,7 +115,7 @@ class Acquisition {
   bool waits_for_trigger(Nanoseconds time) const;
 
   std::shared_ptr<FrameSource> source_;
-  const std::int64_t seed_;
+  const std::shared_ptr<BufferPool> pool_;
   const std::size_t depth_;  // exposures under way or planned
   const std::chrono::steady_clock::time_point opened_ = std::chrono::steady_clock::now();
 

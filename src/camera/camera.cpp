@@ -202,6 +202,7 @@ class RegisterCamera final : public Camera {
     if (state_.has("Amplifier") && !state_.is("Amplifier", "Conventional"))
       plan.chunk_gain = plan.settings.em_gain;
     plan.thermal = thermal_;
+    plan.seed = state_.integer(state_.index("SimulationSeed"));
     if (state_.on("TriggerMode")) {
       const auto source = static_cast<int>(state_.number("TriggerSource"));
       plan.trigger = source == 0   ? ExposurePlan::Trigger::software

@@ -41,9 +41,10 @@ struct SourceControl {
   /// "atoms.filling"; value = number in the key's unit. Only values that differ from the default are passed
   /// on. With feature.selector, a '*' in the key stands for the name of the selector's entry
   /// ("optics.zernike_um.*"); the selector itself is a control before it, an enumeration with an empty key.
+  /// The key "seed" is the source's seed: SimulationSeed and ChunkSeed tell its value.
   std::string key;
-  std::vector<double>
-      selected_defaults;  // one per entry of the selector; empty: feature.default_value for all
+  /// One per entry of the selector; empty: feature.default_value for all.
+  std::vector<double> selected_defaults;
 };
 
 using FeatureValue =

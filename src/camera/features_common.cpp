@@ -153,21 +153,19 @@ void add_acquisition_control(FeatureTable& table, const CameraModel& model) {
                   return states[s.entry_position("AcquisitionStatusSelector")] ? 1.0 : 0.0;
                 }));
   table.add(Declare::enumeration("ExposureMode", "What ends an exposure.", {{"Timed", 0, "ExposureTime"}}));
-  table.add(Declare::floating(
-                "ExposureTime",
-                "Exposure time; written values are rounded to the nearest that the sensor can do. With "
-                "frame transfer it cannot be shorter than the readout.")
-                .unit("us")
-                .within(1, 3600e6)
-                .initially(power_up.exposure_s * 1e6)
-                .logarithmic()
-                .range([](const FeatureState& s) {
-                  return FeatureRange{s.timing().minimum_exposure_s * 1e6,
-                                      s.model().kind == CameraKind::emccd ? 3600e6 : 1800e6, 0};
-                })
-                .on_write([](FeatureState& s, double us) {
-                  return s.timing().realised_exposure_s(us / 1e6) * 1e6;
-                }));
+  table.add(
+      Declare::floating("ExposureTime",
+                        "Exposure time; written values are rounded to the nearest that the sensor can do.")
+          .unit("us")
+          .within(1, 3600e6)
+          .initially(power_up.exposure_s * 1e6)
+          .logarithmic()
+          .range([](const FeatureState& s) {
+            return FeatureRange{s.timing().minimum_exposure_s * 1e6,
+                                s.model().kind == CameraKind::emccd ? 3600e6 : 1800e6, 0};
+          })
+          .on_write(
+              [](FeatureState& s, double us) { return s.timing().realised_exposure_s(us / 1e6) * 1e6; }));
   table.add(Declare::enumeration("ExposureAuto", "Automatic exposure: none.", {{"Off", 0, ""}}));
   const double given_rate = power_up.frame_interval_s > 0 ? 1 / power_up.frame_interval_s : 10;
   table.add(
@@ -440,9 +438,14 @@ void add_simulation(FeatureTable& table, const CameraModel& model, const FrameSo
                     const std::vector<SourceControl>& controls) {
   table.category("SimulationControl");
   const auto seed = static_cast<std::int64_t>(source.seed());
+  std::string control_of_seed;
+  for (const SourceControl& control : controls)
+    if (control.key == "seed") control_of_seed = control.feature.name;
   table.add(Declare::integer("SimulationSeed", "Seed of every random draw.")
                 .custom()
-                .integer_value([seed](const FeatureState&) { return seed; }));
+                .integer_value([seed, control_of_seed](const FeatureState& s) {
+                  return control_of_seed.empty() ? seed : s.integer(s.index(control_of_seed));
+                }));
   table.add(
       Declare::floating("SimCoolingTimeConstant", "Time constant with which the sensor cools and warms.")
           .custom()

@@ -42,22 +42,21 @@ std::size_t PayloadLayout::payload_size() const {
   return size;
 }
 
-std::shared_ptr<CameraFrame> make_frame(const RenderedFrame& rendered, const PayloadLayout& layout,
-                                        const ChunkValues& values) {
-  auto frame = std::make_shared<CameraFrame>();
-  frame->id = values.frame_id;
-  frame->timestamp_ns = values.timestamp_ns;
-  frame->pixel_format = static_cast<std::uint32_t>(layout.format);
-  frame->width = layout.width;
-  frame->height = layout.height;
-  frame->offset_x = layout.offset_x;
-  frame->offset_y = layout.offset_y;
-  frame->chunks = layout.chunk_mode;
-  frame->image_bytes = layout.image_size();
-  std::vector<std::uint8_t>& payload = frame->payload;
+void fill_frame(CameraFrame& frame, const RenderedFrame& rendered, const PayloadLayout& layout,
+                const ChunkValues& values) {
+  frame.id = values.frame_id;
+  frame.timestamp_ns = values.timestamp_ns;
+  frame.pixel_format = static_cast<std::uint32_t>(layout.format);
+  frame.width = layout.width;
+  frame.height = layout.height;
+  frame.offset_x = layout.offset_x;
+  frame.offset_y = layout.offset_y;
+  frame.chunks = layout.chunk_mode;
+  frame.image_bytes = layout.image_size();
+  std::vector<std::uint8_t>& payload = frame.payload;
   payload.reserve(layout.payload_size());
   pack(layout.format, rendered.counts.pixels(), payload);
-  if (!layout.chunk_mode) return frame;
+  if (!layout.chunk_mode) return;
 
   payload.resize(padded(payload.size()));
   append_tail(payload, image_chunk_id, payload.size());
@@ -93,7 +92,6 @@ std::shared_ptr<CameraFrame> make_frame(const RenderedFrame& rendered, const Pay
     }
     append_tail(payload, chunk_id(chunk), size);
   }
-  return frame;
 }
 
 void stamp_frame(CameraFrame& frame, const PayloadLayout& layout, std::uint64_t timestamp_ns) {

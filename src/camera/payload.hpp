@@ -45,9 +45,9 @@ struct ChunkValues {
   std::int64_t seed = 0;
 };
 
-/// The frame as it leaves the camera; the timestamp may follow later.
-std::shared_ptr<CameraFrame> make_frame(const RenderedFrame& rendered, const PayloadLayout& layout,
-                                        const ChunkValues& values);
+/// Fills a frame with an empty payload as it leaves the camera; the timestamp may follow later.
+void fill_frame(CameraFrame& frame, const RenderedFrame& rendered, const PayloadLayout& layout,
+                const ChunkValues& values);
 /// Sets a frame's timestamp, in its chunk too.
 void stamp_frame(CameraFrame& frame, const PayloadLayout& layout, std::uint64_t timestamp_ns);
 

@@ -35,7 +35,7 @@ FrameTiming emccd_timing(Shape sensor, const CameraSettings& settings, double pi
   FrameTiming timing;
   timing.readout_s = sensor.rows * shift_s + discarded * shift_s + rows * row_s;
   timing.overlap = settings.frame_transfer;
-  timing.minimum_exposure_s = settings.frame_transfer ? timing.readout_s : emccd_minimum_exposure_s;
+  timing.minimum_exposure_s = emccd_minimum_exposure_s;
   return timing;
 }
 

@@ -25,8 +25,9 @@ struct FrameTiming {
 /// pixel rate, plus a fixed overhead per output row; rows outside the region are only shifted. Neither the
 /// width of the region nor horizontal binning saves time, because the register is emptied in any case. The
 /// overhead makes the full frame of an iXon Ultra 897 at 17 MHz and 0.5 us per shift 1/56 s. With frame
-/// transfer the exposure runs during the readout of the frame before and cannot be shorter than it; without,
-/// they follow each other.
+/// transfer the exposure runs during the readout of the frame before; without, they follow each other. An
+/// exposure shorter than that readout stands for a light pulse of that length at its end: the real camera
+/// itself collects light until the readout is over.
 FrameTiming emccd_timing(Shape sensor, const CameraSettings& settings, double pixel_rate_hz);
 
 /// qCMOS: rolling readout, 3.6 us per row (standard scan: 8.2944 ms for 2304 rows, 120.56 frames/s) or 86.4

@@ -104,17 +104,21 @@ TEST(Features, GainsAbove300NeedToBeAllowed) {
   EXPECT_EQ(bench.floating("Gain"), 300);
 }
 
-TEST(Features, FrameTransferBoundsTheExposureByTheReadout) {
+TEST(Features, FrameTransferOverlapsExposureAndReadout) {
   Bench bench(ixon_model());
-  const double readout_us = bench.floating("SensorReadoutTime");
-  EXPECT_EQ(bench.camera->range("ExposureTime").minimum, readout_us);
-  bench.set("ExposureTime", readout_us);
   bench.set("AcquisitionFrameRateEnable", false);
+  bench.set("ExposureTime", 1000.0);
   EXPECT_NEAR(bench.floating("AcquisitionResultingFrameRate"), 56, 1e-9);
-  bench.set("Height", 256);
-  EXPECT_LT(bench.camera->range("ExposureTime").minimum, readout_us);
+  EXPECT_NEAR(bench.camera->settings().frame_interval_s, bench.floating("SensorReadoutTime") / 1e6, 1e-15);
+  bench.set("FrameTransfer", false);
+  EXPECT_NEAR(bench.camera->settings().frame_interval_s, 1e-3 + bench.floating("SensorReadoutTime") / 1e6,
+              1e-15);
+  const double full_us = bench.floating("SensorReadoutTime");
   bench.set("ReadoutRate", "Rate5MHz");
-  EXPECT_EQ(bench.floating("ExposureTime"), bench.floating("SensorReadoutTime"));
+  EXPECT_GT(bench.floating("SensorReadoutTime"), 2 * full_us);
+  bench.set("ReadoutRate", "Rate17MHz");
+  bench.set("BinningVertical", 2);
+  EXPECT_LT(bench.floating("SensorReadoutTime"), full_us);
 }
 
 TEST(Features, FrameRateIsBoundedByTheExposureAndComesBack) {
@@ -227,7 +231,16 @@ TEST(Features, ControlsBecomeOverridesWhenTheyDiffer) {
             (Overrides{{"atoms.a", 5}, {"atoms.filling", 0.7}, {"optics.zernike_um.defocus", 0.5}}));
   bench.set("SimFilling", 0.6);
   EXPECT_EQ(bench.camera->settings().overrides.size(), 2u);
+  EXPECT_EQ(bench.integer("SimulationSeed"), static_cast<std::int64_t>(bench.source->seed()));
   EXPECT_THROW(bench.set("SimFilling", 1.1), Error);
+}
+
+TEST(Features, TheSeedMayBeAControl) {
+  Bench bench(ixon_model(), {{control("SimSeed", FeatureType::integer, 0, 9e15, 12), "seed", {}}});
+  EXPECT_EQ(bench.integer("SimulationSeed"), 12);
+  bench.set("SimSeed", 13);
+  EXPECT_EQ(bench.integer("SimulationSeed"), 13);
+  EXPECT_EQ(bench.camera->settings().overrides[0].first, "seed");
 }
 
 TEST(Features, UserSetsKeepAndBringBack) {

@@ -84,9 +84,16 @@ RenderedFrame small_frame(std::string truth) {
   return rendered;
 }
 
+std::shared_ptr<CameraFrame> made(const RenderedFrame& rendered, const PayloadLayout& layout,
+                                  const ChunkValues& values) {
+  auto frame = std::make_shared<CameraFrame>();
+  fill_frame(*frame, rendered, layout, values);
+  return frame;
+}
+
 TEST(Chunks, AreFoundFromTheEnd) {
   const PayloadLayout layout = small_layout();
-  const auto frame = make_frame(small_frame("{\"a\":1}"), layout, {17, 0, 8294.4, 300, -5});
+  const auto frame = made(small_frame("{\"a\":1}"), layout, {17, 0, 8294.4, 300, -5});
   stamp_frame(*frame, layout, 123456789);
   EXPECT_EQ(frame->payload.size(), layout.payload_size());
   EXPECT_EQ(frame->image_bytes, 9u);
@@ -114,7 +121,7 @@ TEST(Chunks, OnlyTheEnabledOnes) {
   for (unsigned mask = 0; mask < 1u << chunks.size(); ++mask) {
     PayloadLayout layout = small_layout();
     for (std::size_t i = 0; i < chunks.size(); ++i) layout.enabled[i] = mask >> i & 1;
-    const auto frame = make_frame(small_frame("{}"), layout, {1, 0, 2, 3, 4});
+    const auto frame = made(small_frame("{}"), layout, {1, 0, 2, 3, 4});
     stamp_frame(*frame, layout, 77);
     ASSERT_EQ(frame->payload.size(), layout.payload_size());
     const auto found = records(frame->payload);
@@ -129,7 +136,7 @@ TEST(Chunks, OnlyTheEnabledOnes) {
 TEST(Chunks, TruthThatDoesNotFitIsNotCut) {
   PayloadLayout layout = small_layout();
   layout.truth_bytes = 64;
-  const auto frame = make_frame(small_frame(std::string(65, 'x')), layout, {});
+  const auto frame = made(small_frame(std::string(65, 'x')), layout, {});
   const Bytes truth = records(frame->payload).at(chunk_id(Chunk::ground_truth));
   EXPECT_STREQ(reinterpret_cast<const char*>(truth.data()), "{\"error\":\"truth of 65 bytes, chunk of 64\"}");
 }

@@ -4,12 +4,8 @@
 
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <map>
-#include <random>
-#include <regex>
-#include <set>
 #include <sstream>
 
 #include "camera/big_endian.hpp"
@@ -147,16 +143,19 @@ struct Node {
 std::map<std::string, Node> parse(const std::string& xml) {
   std::map<std::string, Node> nodes;
   std::istringstream lines(xml);
-  const std::regex open("^  <(\\w+) Name=\"(\\w+)\".*");
-  const std::regex child("^    <(\\w+)[^>]*>([^<]*)</\\1>$");
   std::string line, name;
-  std::smatch match;
+  const auto between = [&](const std::string& from, const std::string& to) {
+    const auto start = line.find(from) + from.size();
+    return line.substr(start, line.find(to, start) - start);
+  };
   while (std::getline(lines, line)) {
-    if (std::regex_match(line, match, open)) {
-      name = match[2];
-      EXPECT_TRUE(nodes.emplace(name, Node{match[1], {}}).second) << "two nodes named " << name;
-    } else if (std::regex_match(line, match, child)) {
-      nodes[name].children.emplace(match[1], match[2]);
+    const std::size_t depth = line.find('<');
+    if (depth == 2 && line[3] != '/') {
+      name = between("Name=\"", "\"");
+      EXPECT_TRUE(nodes.emplace(name, Node{between("<", " "), {}}).second) << "two nodes named " << name;
+    } else if (depth == 4 && line.find("</") != std::string::npos && line.find("</") != depth) {
+      std::string tag = between("<", ">");
+      nodes[name].children.emplace(tag.substr(0, tag.find(' ')), between(">", "</"));
     }
   }
   return nodes;

@@ -63,9 +63,8 @@ TEST(EmccdTiming, VerticalBinningHalvesTheRowsButNotTheShifts) {
 TEST(EmccdTiming, FrameTransferOverlapsExposureAndReadout) {
   CameraSettings settings = ixon_settings();
   const FrameTiming overlapped = emccd_timing(ixon_sensor, settings, 17e6);
-  EXPECT_EQ(overlapped.minimum_exposure_s, overlapped.readout_s);
   EXPECT_EQ(overlapped.shortest_interval_s(0.08), 0.08);
-  EXPECT_EQ(overlapped.shortest_interval_s(overlapped.readout_s), overlapped.readout_s);
+  EXPECT_EQ(overlapped.shortest_interval_s(1e-3), overlapped.readout_s);
   settings.frame_transfer = false;
   const FrameTiming serial = emccd_timing(ixon_sensor, settings, 17e6);
   EXPECT_LT(serial.minimum_exposure_s, serial.readout_s);

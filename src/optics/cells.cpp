@@ -10,6 +10,7 @@
 #include "base/math.hpp"
 #include "optics/fourier.hpp"
 #include "optics/pupil.hpp"
+#include "optics/sinc.hpp"
 
 namespace atomcam {
 namespace {
@@ -22,13 +23,9 @@ static_assert(sample_step < 0.25);
 /// Diffraction units beyond which an ideal lens sends less than 0.1 % of the light: 1 - E(r) ~ 1 / (pi^2 r).
 constexpr double far_tail = 101.4;
 
-double sinc(double x) {
-  return x == 0 ? 1 : math::sin_turns(x / 2) / (math::pi * x);
-}
-
 int choose_side(const OpticsDescription& optics, double blur) {
   const RayReach rays = ray_reach(optics);
-  const double core = std::min(2.0, 1.5 * std::sqrt(rays.rms * rays.rms + blur * blur));
+  const double core = std::min(2.0, std::sqrt(rays.rms * rays.rms + blur * blur));
   const double reach = far_tail + rays.largest + 5 * blur;
   int side = 0;
   for (const int candidate : {108, 144, 162, 180, 216, 240}) {  // sizes that Fourier transforms like
@@ -78,12 +75,15 @@ std::vector<double> core_cells(Spectrum& spectrum, int side, double width) {
   const int half = side / 2, reach = spectrum.reach;
   const auto columns = static_cast<std::size_t>(half);
   const double turns = width / spectrum.size;
+  // cos and sin of 2 pi k x for the places x = i + 1/2 right of the centre, and the light in a cell at
+  // frequency k.
   std::vector<double> cosine(static_cast<std::size_t>(reach + 1) * columns), sine(cosine.size());
+  std::vector<double> weight(static_cast<std::size_t>(reach + 1));
   for (int k = 0; k <= reach; ++k) {
-    const double weight = (k == 0 ? 1 : 2) * turns * sinc(k * turns);
+    weight[k] = turns * sinc(k * turns);
     for (int i = 0; i < half; ++i) {
-      cosine[k * columns + i] = weight * math::cos_turns(k * (i + 0.5) * turns);
-      sine[k * columns + i] = weight * math::sin_turns(k * (i + 0.5) * turns);
+      cosine[k * columns + i] = math::cos_turns(k * (i + 0.5) * turns);
+      sine[k * columns + i] = math::sin_turns(k * (i + 0.5) * turns);
     }
   }
   std::vector<double> cells(static_cast<std::size_t>(side) * static_cast<std::size_t>(side));
@@ -94,7 +94,7 @@ std::vector<double> core_cells(Spectrum& spectrum, int side, double width) {
     const int last =
         static_cast<int>(std::sqrt(static_cast<double>(reach) * reach - static_cast<double>(l) * l));
     for (int k = 0; k <= last; ++k) {
-      const std::complex<double> value = spectrum.at(l, k);
+      const std::complex<double> value = (k == 0 ? 1 : 2) * weight[k] * spectrum.at(l, k);
       const double a = value.real(), b = value.imag();
       const double* c = &cosine[k * columns];
       const double* s = &sine[k * columns];
@@ -112,12 +112,16 @@ std::vector<double> core_cells(Spectrum& spectrum, int side, double width) {
       re[half - 1 - i] = even_re[i] + odd_im[i];
       im[half - 1 - i] = even_im[i] - odd_re[i];
     }
-    const double weight = turns * sinc(l * turns);
+    const double* c = &cosine[std::abs(l) * columns];
+    const double* s = &sine[std::abs(l) * columns];
+    const double sign = l < 0 ? -1 : 1;
     for (int j = 0; j < side; ++j) {
-      const double phase = l * (j - half + 0.5) * turns;
-      const double c = weight * math::cos_turns(phase), s = weight * math::sin_turns(phase);
+      const bool right = j >= half;
+      const auto place = static_cast<std::size_t>(right ? j - half : half - 1 - j);
+      const double row_re = weight[std::abs(l)] * c[place];
+      const double row_im = weight[std::abs(l)] * s[place] * (right ? sign : -sign);
       double* row = &cells[static_cast<std::size_t>(j) * static_cast<std::size_t>(side)];
-      for (int i = 0; i < side; ++i) row[i] += c * re[i] - s * im[i];
+      for (int i = 0; i < side; ++i) row[i] += row_re * re[i] - row_im * im[i];
     }
   }
   return cells;

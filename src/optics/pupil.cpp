@@ -5,6 +5,7 @@
 
 #include "base/math.hpp"
 #include "optics/fourier.hpp"
+#include "optics/sinc.hpp"
 #include "optics/zernike.hpp"
 
 namespace atomcam {
@@ -13,10 +14,6 @@ namespace {
 std::array<double, zernike_terms> without_tilt(std::array<double, zernike_terms> zernike_um) {
   zernike_um[0] = zernike_um[1] = zernike_um[2] = 0;
   return zernike_um;
-}
-
-double sinc(double x) {
-  return x == 0 ? 1 : math::sin_turns(x / 2) / (math::pi * x);
 }
 
 /// The part of a square of side `side` about (x, y) inside the unit disc: its share and its centre of mass.

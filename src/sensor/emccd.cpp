@@ -70,7 +70,7 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
     well_e_ = static_cast<std::int32_t>(
         std::min(description.pixel_full_well_e * bins, description.register_full_well_e));
     output_well_e_ = static_cast<float>(description.register_full_well_e);
-    largest_count_ = static_cast<float>((1 << description.adc_bits) - 1);
+    conversion_.largest_count = static_cast<float>((1 << description.adc_bits) - 1);
     conversion_.bias_counts = static_cast<float>(settings.bias_counts);
     conversion_.counts_per_e = static_cast<float>(1 / mode.electrons_per_count);
     conversion_.read_noise_counts = static_cast<float>(mode.read_noise_e / mode.electrons_per_count);
@@ -84,7 +84,7 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
   void collect(int row, std::span<std::int32_t> electrons) const override {
     background_.fill(row, electrons);
     atoms_.add(row, electrons);
-    for (std::int32_t& n : electrons) n = std::min(n, well_e_);
+    row_loops::clip(well_e_, electrons);
   }
 
   void multiply(int row, std::span<const std::int32_t> electrons, std::span<float> output_e) const override {
@@ -93,10 +93,23 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
         output_e[c] = std::min(static_cast<float>(electrons[c]), output_well_e_);
       return;
     }
-    RandomStream words(register_key_, frame_, static_cast<std::uint32_t>(row));
-    RandomStream large(large_key_, frame_, static_cast<std::uint32_t>(row));
-    for (std::size_t c = 0; c < electrons.size(); ++c)
-      output_e[c] = electrons[c] <= 0 ? 0 : std::min(law_->draw(electrons[c], words, large), output_well_e_);
+    const auto block = static_cast<std::uint32_t>(row);
+    thread_local std::vector<std::int32_t> columns;
+    thread_local std::vector<std::uint32_t> words;
+    columns.resize(electrons.size());
+    const std::size_t found =
+        row_loops::spread_electrons(electrons, output_well_e_, output_e, columns.data());
+    std::size_t needed = 0;
+    for (std::size_t i = 0; i < found; ++i)
+      needed += law_->words_for(electrons[static_cast<std::size_t>(columns[i])]);
+    words.resize(needed);
+    fill_random(register_key_, frame_, block, words);
+    auto next_word = [word = words.data()]() mutable { return *word++; };
+    RandomStream large(large_key_, frame_, block);
+    for (std::size_t i = 0; i < found; ++i) {
+      const auto c = static_cast<std::size_t>(columns[i]);
+      output_e[c] = std::min(law_->draw(electrons[c], next_word, large), output_well_e_);
+    }
   }
 
   void add_serial_clock_induced_charge(int row, double events, std::span<float> output_e) const override {
@@ -111,14 +124,11 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
   }
 
   void amplify(int row, std::span<const float> output_e, std::span<float> analog_counts) const override {
-    thread_local std::vector<std::uint32_t> noise;
-    noise.resize(output_e.size());
-    fill_random(noise_key_, frame_, static_cast<std::uint32_t>(row), noise);
-    row_loops::plain::emccd_amplify(conversion_, output_e, noise.data(), analog_counts);
+    row_loops::emccd_amplify(conversion_, output_e, noise_words(row, output_e.size()), analog_counts);
   }
 
   void digitise(int, std::span<const float> analog_counts, std::span<std::uint16_t> counts) const override {
-    row_loops::plain::digitise(analog_counts, largest_count_, counts);
+    row_loops::digitise(analog_counts, conversion_.largest_count, counts);
   }
 
   void read_row(int row, std::span<std::uint16_t> counts) const override {
@@ -128,13 +138,19 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
     output_e.resize(counts.size());
     collect(row, electrons);
     multiply(row, electrons, output_e);
-    amplify(row, output_e, output_e);
-    digitise(row, output_e, counts);
+    row_loops::emccd_convert(conversion_, output_e, noise_words(row, counts.size()), counts);
   }
 
   CountImage finish(CountImage converted) const override { return converted; }
 
  private:
+  const std::uint32_t* noise_words(int row, std::size_t columns) const {
+    thread_local std::vector<std::uint32_t> noise;
+    noise.resize(columns);
+    fill_random(noise_key_, frame_, static_cast<std::uint32_t>(row), noise);
+    return noise.data();
+  }
+
   Shape plane_;
   PhotoElectronRows atoms_;
   Background background_;
@@ -142,7 +158,6 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
   PhiloxKey register_key_, large_key_, serial_key_, noise_key_;
   std::int32_t well_e_ = 0;
   float output_well_e_ = 0;
-  float largest_count_ = 0;
   row_loops::EmccdConversion conversion_;
   std::shared_ptr<const RegisterLaw> law_;  // null: conventional amplifier
 };

@@ -68,7 +68,7 @@ class Qcmos::QcmosReadout final : public Sensor::Readout {
     const QcmosDescription& description = sensor.description_;
     const ReadoutMode& mode = readout_mode_of(settings, description.readout_modes);
     well_e_ = static_cast<std::int32_t>(description.full_well_e);
-    largest_count_ = static_cast<float>((1 << description.adc_bits) - 1);
+    conversion_.largest_count = static_cast<float>((1 << description.adc_bits) - 1);
     electrons_per_count_ = static_cast<float>(mode.electrons_per_count);
     conversion_.bias_counts = static_cast<float>(settings.bias_counts);
     conversion_.counts_per_e = static_cast<float>(1 / mode.electrons_per_count);
@@ -86,7 +86,7 @@ class Qcmos::QcmosReadout final : public Sensor::Readout {
     atoms_.add(row, electrons);
     sensor_.dark_.add(RandomStream(dark_key_, frame_, static_cast<std::uint32_t>(row)),
                       settings_.region.offset_y + row, settings_.region.offset_x, dark_e_, electrons);
-    for (std::int32_t& n : electrons) n = std::min(n, well_e_);
+    row_loops::clip(well_e_, electrons);
   }
 
   void multiply(int, std::span<const std::int32_t> electrons, std::span<float> output_e) const override {
@@ -96,23 +96,49 @@ class Qcmos::QcmosReadout final : public Sensor::Readout {
   void add_serial_clock_induced_charge(int, double, std::span<float>) const override {}  // no serial register
 
   void amplify(int row, std::span<const float> output_e, std::span<float> analog_counts) const override {
-    thread_local std::vector<std::uint32_t> noise, flicker;
-    const auto block = static_cast<std::uint32_t>(row);
-    noise.resize(output_e.size());
-    fill_random(noise_key_, frame_, block, noise);
-    const bool flickers = conversion_.flicker_noise_e != 0;
-    if (flickers) {
-      flicker.resize(output_e.size());
-      fill_random(flicker_key_, frame_, block, flicker);
-    }
-    row_loops::plain::qcmos_amplify(row_conversion(row), output_e, noise.data(),
-                                    flickers ? flicker.data() : nullptr, analog_counts);
+    const Words words = words_of(row, output_e.size());
+    row_loops::qcmos_amplify(row_conversion(row), output_e, words.noise, words.flicker, analog_counts);
   }
 
   void digitise(int row, std::span<const float> analog_counts,
                 std::span<std::uint16_t> counts) const override {
-    row_loops::plain::digitise(analog_counts, largest_count_, counts);
-    if (!settings_.photon_number_resolving) return;
+    row_loops::digitise(analog_counts, conversion_.largest_count, counts);
+    if (settings_.photon_number_resolving) resolve_photons(row, counts);
+  }
+
+  void read_row(int row, std::span<std::uint16_t> counts) const override {
+    thread_local std::vector<std::int32_t> electrons;
+    electrons.resize(counts.size());
+    collect(row, electrons);
+    const Words words = words_of(row, counts.size());
+    row_loops::qcmos_convert(row_conversion(row), electrons, words.noise, words.flicker, counts);
+    if (settings_.photon_number_resolving) resolve_photons(row, counts);
+  }
+
+  CountImage finish(CountImage converted) const override {
+    if (settings_.defect_correction && !settings_.photon_number_resolving)
+      correct_defects(*sensor_.defects(settings_.hot_pixel_correction), settings_.region, converted);
+    return bin_digitally(std::move(converted), settings_.binning_x, settings_.binning_y);
+  }
+
+ private:
+  struct Words {
+    const std::uint32_t* noise;
+    const std::uint32_t* flicker;
+  };
+  /// Of the row's noise; valid until this thread asks again.
+  Words words_of(int row, std::size_t columns) const {
+    thread_local std::vector<std::uint32_t> noise, flicker;
+    const auto block = static_cast<std::uint32_t>(row);
+    noise.resize(columns);
+    fill_random(noise_key_, frame_, block, noise);
+    if (conversion_.flicker_noise_e == 0) return {noise.data(), nullptr};
+    flicker.resize(columns);
+    fill_random(flicker_key_, frame_, block, flicker);
+    return {noise.data(), flicker.data()};
+  }
+
+  void resolve_photons(int row, std::span<std::uint16_t> counts) const {
     // The camera knows its own pixels: offset and gain are calibrated out before the count of electrons is
     // rounded.
     const row_loops::QcmosConversion conversion = row_conversion(row);
@@ -124,24 +150,6 @@ class Qcmos::QcmosReadout final : public Sensor::Readout {
     }
   }
 
-  void read_row(int row, std::span<std::uint16_t> counts) const override {
-    thread_local std::vector<std::int32_t> electrons;
-    thread_local std::vector<float> output_e;
-    electrons.resize(counts.size());
-    output_e.resize(counts.size());
-    collect(row, electrons);
-    multiply(row, electrons, output_e);
-    amplify(row, output_e, output_e);
-    digitise(row, output_e, counts);
-  }
-
-  CountImage finish(CountImage converted) const override {
-    if (settings_.defect_correction && !settings_.photon_number_resolving)
-      correct_defects(*sensor_.defects(settings_.hot_pixel_correction), settings_.region, converted);
-    return bin_digitally(std::move(converted), settings_.binning_x, settings_.binning_y);
-  }
-
- private:
   row_loops::QcmosConversion row_conversion(int row) const {
     const int r = settings_.region.offset_y + row, c = settings_.region.offset_x;
     row_loops::QcmosConversion conversion = conversion_;
@@ -164,7 +172,6 @@ class Qcmos::QcmosReadout final : public Sensor::Readout {
   PhiloxKey dark_key_, noise_key_, row_noise_key_, flicker_key_;
   double dark_e_ = 0;
   std::int32_t well_e_ = 0;
-  float largest_count_ = 0;
   float electrons_per_count_ = 1;
   row_loops::QcmosConversion conversion_;
 };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -32,6 +33,12 @@ class RegisterLaw {
   /// Largest number of electrons whose output is drawn from the exact law.
   std::int32_t largest_exact() const { return static_cast<std::int32_t>((1u << powers_.size()) - 1); }
 
+  /// Words that draw() takes for this number of electrons.
+  std::size_t words_for(std::int32_t electrons) const {
+    return electrons > largest_exact()
+               ? 0
+               : static_cast<std::size_t>(std::popcount(static_cast<std::uint32_t>(electrons)));
+  }
   /// Output of `electrons` >= 0: `words` gives one word per binary digit one, `large` what the gamma law
   /// needs.
   template <class Words>

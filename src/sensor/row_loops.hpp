@@ -1,6 +1,6 @@
 #pragma once
-// The loops over the pixels of a row. `plain` is the definition, one pixel at a time; the dispatched versions
-// give the same bits with the widest vectors of the machine.
+// The loops over the pixels of a row. `plain` is the definition, one pixel at a time; the functions outside
+// it give the same bits with the widest vectors of the machine.
 
 #include <cstdint>
 #include <span>
@@ -12,6 +12,7 @@ struct EmccdConversion {
   float bias_counts = 0;
   float counts_per_e = 1;
   float read_noise_counts = 0;
+  float largest_count = 65535;
 };
 
 /// Conversion of a qCMOS row; the maps are those of the row's pixels.
@@ -21,20 +22,47 @@ struct QcmosConversion {
   float read_noise_e = 0;  // of the mode; the map multiplies it
   float row_noise_e = 0;   // this row's, this frame's
   float flicker_noise_e = 0;
+  float largest_count = 65535;
   const float* offset_counts = nullptr;
   const float* gain_ratio = nullptr;
   const float* read_noise_ratio = nullptr;
 };
 
+// Pointers `noise` and `flicker` are to the row's random words, one per pixel; `flicker` is null without that
+// noise.
+
+void emccd_amplify(const EmccdConversion& conversion, std::span<const float> output_e,
+                   const std::uint32_t* noise, std::span<float> analog_counts);
+void qcmos_amplify(const QcmosConversion& conversion, std::span<const float> output_e,
+                   const std::uint32_t* noise, const std::uint32_t* flicker, std::span<float> analog_counts);
+/// Rounds to the nearest count (ties to even) and clips to 0..largest.
+void digitise(std::span<const float> analog_counts, float largest_count, std::span<std::uint16_t> counts);
+
+/// amplify and digitise in one pass.
+void emccd_convert(const EmccdConversion& conversion, std::span<const float> output_e,
+                   const std::uint32_t* noise, std::span<std::uint16_t> counts);
+/// The same from the pixels' electrons.
+void qcmos_convert(const QcmosConversion& conversion, std::span<const std::int32_t> electrons,
+                   const std::uint32_t* noise, const std::uint32_t* flicker, std::span<std::uint16_t> counts);
+
+/// For every 16-bit half of `words` (low half first) the number of thresholds below it. Pixels whose half
+/// equals a threshold are undecided: returns whether there are any.
+bool count_thresholds(const std::uint32_t* words, std::span<const std::uint16_t> thresholds,
+                      std::span<std::int32_t> numbers);
+
+/// output_e = min(electrons, well) as numbers; lists the columns that hold electrons. Returns how many.
+std::size_t spread_electrons(std::span<const std::int32_t> electrons, float well_e, std::span<float> output_e,
+                             std::int32_t* columns);
+
+void clip(std::int32_t largest, std::span<std::int32_t> electrons);
+
 namespace plain {
 
 void emccd_amplify(const EmccdConversion& conversion, std::span<const float> output_e,
                    const std::uint32_t* noise, std::span<float> analog_counts);
-/// `flicker`: words of the flicker noise, null where there is none.
 void qcmos_amplify(const QcmosConversion& conversion, std::span<const float> output_e,
                    const std::uint32_t* noise, const std::uint32_t* flicker, std::span<float> analog_counts);
-/// Rounds to the nearest count (ties to even) and clips to 0..largest.
-void digitise(std::span<const float> analog_counts, float largest, std::span<std::uint16_t> counts);
+void digitise(std::span<const float> analog_counts, float largest_count, std::span<std::uint16_t> counts);
 
 }  // namespace plain
 

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "base/math.hpp"
+#include "sensor/row_loops.hpp"
 
 namespace atomcam {
 
@@ -81,7 +82,29 @@ void UniformPoisson::fill_plainly(const Keys& keys, std::uint64_t frame, std::ui
 
 void UniformPoisson::fill(const Keys& keys, std::uint64_t frame, std::uint32_t block,
                           std::span<std::int32_t> electrons) const {
-  fill_plainly(keys, frame, block, electrons);
+  if (!table_ && thresholds_.empty()) {
+    std::fill(electrons.begin(), electrons.end(), 0);
+    return;
+  }
+  thread_local std::vector<std::uint32_t> words;
+  words.resize(table_ ? electrons.size() : (electrons.size() + 1) / 2);
+  fill_random(keys.coarse, frame, block, words);
+  if (table_) {
+    for (std::size_t c = 0; c < electrons.size(); ++c) electrons[c] = table_->draw(words[c]);
+    return;
+  }
+  // In pieces: only a piece in which 16 bits could not decide, one in forty or so, is looked through again.
+  constexpr std::size_t piece = 256;
+  for (std::size_t begin = 0; begin < electrons.size(); begin += piece) {
+    const std::span<std::int32_t> part = electrons.subspan(begin, std::min(piece, electrons.size() - begin));
+    const std::uint32_t* part_words = words.data() + begin / 2;
+    if (!row_loops::count_thresholds(part_words, coarse_thresholds_, part)) continue;
+    for (std::size_t c = 0; c < part.size(); ++c) {
+      const auto coarse = static_cast<std::uint16_t>(part_words[c / 2] >> (16 * (c % 2)));
+      if (std::find(coarse_thresholds_.begin(), coarse_thresholds_.end(), coarse) != coarse_thresholds_.end())
+        part[c] = resolve(keys, frame, block, static_cast<std::uint32_t>(begin + c), coarse);
+    }
+  }
 }
 
 }  // namespace atomcam

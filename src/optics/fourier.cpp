@@ -7,6 +7,9 @@
 namespace atomcam {
 namespace {
 
+// Estimated plans depend on no measurement, scalar code on no processor: the same bits on every run.
+constexpr unsigned plan_flags = FFTW_ESTIMATE | FFTW_NO_SIMD;
+
 // FFTW's planner is not thread safe; executing a plan is.
 std::mutex& planner() {
   static std::mutex mutex;
@@ -46,7 +49,7 @@ FourierGrid::FourierGrid(int size) : size_(size), values_(squared(size)) {}
 
 void FourierGrid::transform() {
   fftw_complex* data = raw(values_.data());
-  Plan([&] { return fftw_plan_dft_2d(size_, size_, data, data, FFTW_FORWARD, FFTW_ESTIMATE); }).execute();
+  Plan([&] { return fftw_plan_dft_2d(size_, size_, data, data, FFTW_FORWARD, plan_flags); }).execute();
 }
 
 std::vector<std::complex<double>> FourierGrid::spectrum_of_intensity(std::span<const double> factor,
@@ -59,7 +62,7 @@ std::vector<std::complex<double>> FourierGrid::spectrum_of_intensity(std::span<c
   std::vector<std::complex<double>> spectrum(static_cast<std::size_t>(size_) *
                                              static_cast<std::size_t>(size_ / 2 + 1));
   Plan([&] {
-    return fftw_plan_dft_r2c_2d(size_, size_, intensity.data(), raw(spectrum.data()), FFTW_ESTIMATE);
+    return fftw_plan_dft_r2c_2d(size_, size_, intensity.data(), raw(spectrum.data()), plan_flags);
   }).execute();
   for (std::complex<double>& value : spectrum) value /= total;
   return spectrum;
@@ -68,7 +71,7 @@ std::vector<std::complex<double>> FourierGrid::spectrum_of_intensity(std::span<c
 std::vector<double> image_of_spectrum(std::vector<std::complex<double>> spectrum, int size) {
   std::vector<double> image(squared(size));
   Plan([&] {
-    return fftw_plan_dft_c2r_2d(size, size, raw(spectrum.data()), image.data(), FFTW_ESTIMATE);
+    return fftw_plan_dft_c2r_2d(size, size, raw(spectrum.data()), image.data(), plan_flags);
   }).execute();
   return image;
 }

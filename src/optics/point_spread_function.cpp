@@ -5,7 +5,7 @@
 
 #include "base/error.hpp"
 #include "base/math.hpp"
-#include "optics/alias_table.hpp"
+#include "optics/cell_aliases.hpp"
 #include "optics/cells.hpp"
 #include "optics/optics.hpp"
 
@@ -126,7 +126,7 @@ PointSpreadFunction::PointSpreadFunction(const OpticsDescription& optics, double
   table->shift_y_px = 2 * optics.zernike_um[2] / optics.numerical_aperture * pixels_per_um;
   table->weights = integer_weights(cells.share, std::uint64_t{1} << 32);
 
-  const AliasTable alias = make_alias_table(table->weights);
+  const CellAliases alias = make_cell_aliases(table->weights);
   const auto level_cells = static_cast<std::uint32_t>(cells.side * cells.side);
   const auto pack = [&](std::uint32_t index) -> std::uint64_t {
     const std::uint32_t level = index / level_cells, within = index % level_cells;
@@ -135,7 +135,7 @@ PointSpreadFunction::PointSpreadFunction(const OpticsDescription& optics, double
   };
   table->low_bits = alias.low_bits;
   table->slots.reserve(alias.slots.size());
-  for (const AliasSlot& slot : alias.slots)
+  for (const CellAlias& slot : alias.slots)
     table->slots.push_back(std::uint64_t{slot.threshold} << threshold_shift | pack(slot.own) << cell_bits |
                            pack(slot.alias));
   table_ = std::move(table);

@@ -1,4 +1,4 @@
-#include "optics/alias_table.hpp"
+#include "optics/cell_aliases.hpp"
 
 #include <string>
 
@@ -6,7 +6,7 @@
 
 namespace atomcam {
 
-AliasTable make_alias_table(std::span<const std::uint32_t> weights) {
+CellAliases make_cell_aliases(std::span<const std::uint32_t> weights) {
   struct Entry {
     std::uint32_t index;
     std::uint64_t weight;
@@ -18,9 +18,9 @@ AliasTable make_alias_table(std::span<const std::uint32_t> weights) {
     sum += weights[i];
   }
   if (sum != std::uint64_t{1} << 32)
-    throw Error("alias table", "weights sum to " + std::to_string(sum) + ", must be 2^32");
+    throw Error("cell weights", "weights sum to " + std::to_string(sum) + ", must be 2^32");
 
-  AliasTable table;
+  CellAliases table;
   while (std::uint64_t{1} << (32 - table.low_bits) < entries.size()) --table.low_bits;
   const std::uint64_t capacity = std::uint64_t{1} << table.low_bits;
   const std::size_t slots = std::size_t{1} << (32 - table.low_bits);

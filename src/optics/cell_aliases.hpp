@@ -9,18 +9,18 @@
 namespace atomcam {
 
 /// One slot for each value of the word's high bits: below `threshold` (in the low bits) `own`, else `alias`.
-struct AliasSlot {
+struct CellAlias {
   std::uint32_t threshold;
   std::uint32_t own;
   std::uint32_t alias;
 };
 
 /// 2^(32 - low_bits) slots for weights of sum 2^32; `own` and `alias` index `weights`.
-struct AliasTable {
+struct CellAliases {
   int low_bits = 32;
-  std::vector<AliasSlot> slots;
+  std::vector<CellAlias> slots;
 };
 
-AliasTable make_alias_table(std::span<const std::uint32_t> weights);
+CellAliases make_cell_aliases(std::span<const std::uint32_t> weights);
 
 }  // namespace atomcam

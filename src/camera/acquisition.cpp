@@ -165,7 +165,7 @@ void Acquisition::lose(std::uint64_t frame, Nanoseconds time) {
 Camera::Statistics Acquisition::statistics() const {
   const std::lock_guard lock(mutex_);
   Camera::Statistics statistics = statistics_;
-  if (delivered_at_.size() > 1) {
+  if (acquiring_ && delivered_at_.size() > 1) {
     const auto span = static_cast<double>(delivered_at_.back() - delivered_at_.front());
     if (span > 0) statistics.frame_rate_hz = 1e9 * static_cast<double>(delivered_at_.size() - 1) / span;
   }

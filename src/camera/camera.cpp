@@ -56,7 +56,8 @@ class RegisterCamera final : public Camera {
         return set_number(hit->feature, load_big_endian<double>(bytes.data()));
       case FeatureType::integer: {
         const auto value = load_big_endian<std::int64_t>(bytes.data());
-        if (std::llabs(value) > std::int64_t{1} << 53) return RegisterStatus::invalid_parameter;
+        constexpr auto exact = std::int64_t{1} << 53;  // as a double
+        if (value > exact || value < -exact) return RegisterStatus::invalid_parameter;
         return set_number(hit->feature, static_cast<double>(value));
       }
       case FeatureType::boolean:

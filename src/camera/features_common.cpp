@@ -310,11 +310,13 @@ void add_digital_io(FeatureTable& table) {
                 })
                 .within(0, 15));
   table.add(
-      Declare::floating("LineTriggerRate",
-                        "Rate of the square wave on line 0 that stands for a laboratory's trigger; 0: none.")
+      Declare::floating(
+          "LineTriggerRate",
+          "Rate of the square wave on line 0 that stands for a laboratory's trigger; below 0.001: none.")
           .custom()
           .unit("Hz")
-          .within(0, 10000));
+          .within(0, 10000)
+          .on_write([](FeatureState&, double rate) { return rate < 0.001 ? 0 : rate; }));
 }
 
 void add_chunk_data(FeatureTable& table, const CameraModel& model, const FrameSource& source) {

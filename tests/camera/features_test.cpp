@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -428,6 +429,35 @@ TEST(Registers, RefuseWhatTheyMust) {
   store_big_endian(std::nan(""), bytes.data());
   EXPECT_EQ(camera.write(static_cast<std::uint32_t>(declaration(camera, "Gain").address), bytes),
             RegisterStatus::invalid_parameter);
+}
+
+// Any bytes anywhere: an answer, and a camera whose settings can still be told.
+TEST(Registers, WithstandAnything) {
+  for (const CameraModel& model : {ixon_model(), orca_model()}) {
+    Bench bench(model);
+    const auto features = bench.camera->features();
+    std::mt19937_64 random(11);
+    const std::uint8_t patterns[] = {0x00, 0x01, 0x7f, 0x80, 0xff};
+    int accepted = 0;
+    for (int step = 0; step < 20000; ++step) {
+      const FeatureDeclaration& d = features[random() % features.size()];
+      if (d.name == "AcquisitionStart") continue;
+      const auto address = random() % 4 == 0 ? static_cast<std::uint32_t>(random())
+                                             : static_cast<std::uint32_t>(d.address + random() % 3 * 4);
+      std::vector<std::uint8_t> bytes(random() % 3 == 0 ? random() % 600
+                                                        : static_cast<std::size_t>(std::min(d.length, 8)));
+      if (random() % 2 == 0) {
+        bench.camera->read(address, bytes);
+        continue;
+      }
+      for (std::uint8_t& byte : bytes) byte = patterns[random() % 5];
+      accepted += bench.camera->write(address, bytes) == RegisterStatus::ok;
+    }
+    EXPECT_GT(accepted, 0);
+    const CameraSettings settings = bench.camera->settings();
+    EXPECT_GT(settings.output_width(), 0);
+    EXPECT_GT(settings.exposure_s, 0);
+  }
 }
 
 TEST(Registers, UserNameMayBeWrittenInPart) {

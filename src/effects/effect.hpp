@@ -1,6 +1,6 @@
 #pragma once
-// A physical effect beyond the plain model: one file each, two lines in catalogue.cpp. The declaration feeds the lab
-// file, `atomcam effects`, the documents, the camera's features, calibration and diagnosis.
+// A physical effect beyond the plain model: one file each, two lines in catalogue.cpp. The declaration feeds
+// the lab file, `atomcam effects`, the documents, the camera's features, calibration and diagnosis.
 
 #include <cstdint>
 #include <functional>
@@ -19,7 +19,8 @@
 
 namespace atomcam {
 
-/// Where an effect acts. scene -> stage "scene"; photons -> "optics"; electrons, electron_register, counts -> "sensor".
+/// Where an effect acts. scene -> stage "scene"; photons -> "optics"; electrons, electron_register, counts ->
+/// "sensor".
 enum class Plane { scene, photons, electrons, electron_register, counts };
 
 /// What every hook knows of its frame. `random("row")` is a stream private to the effect: keyed by
@@ -27,17 +28,19 @@ enum class Plane { scene, photons, electrons, electron_register, counts };
 struct FrameContext {
   std::uint64_t seed = 0;
   std::uint64_t frame = 0;
-  std::string_view effect;               // name of the effect whose hook runs
-  std::string_view serial;               // the sensor's serial number: fixed patterns of a sensor come from it
+  std::string_view effect;  // name of the effect whose hook runs
+  std::string_view serial;  // the sensor's serial number: fixed patterns of a sensor come from it
   const CameraSettings* settings = nullptr;
   const SceneDescription* scene = nullptr;
   const OpticsDescription* optics = nullptr;
   const Sensor* sensor = nullptr;
-  /// Electrons of an earlier frame with the same settings, before any effect of the electrons plane; empty for
-  /// frames before the first. For effects with memory (a fixed finite history).
+  /// Electrons of an earlier frame with the same settings, before any effect of the electrons plane; empty
+  /// for frames before the first. For effects with memory (a fixed finite history).
   const std::function<ElectronImage(std::uint64_t frame)>* electrons_of = nullptr;
 
-  RandomStream random(std::string_view what, std::uint32_t block = 0) const { return random_at(what, frame, block); }
+  RandomStream random(std::string_view what, std::uint32_t block = 0) const {
+    return random_at(what, frame, block);
+  }
   /// The same stream at another frame number, for walks that are evaluated at any n.
   RandomStream random_at(std::string_view what, std::uint64_t at_frame, std::uint32_t block = 0) const;
   /// A pattern fixed to the sensor: depends on its serial number and the effect only.
@@ -47,11 +50,11 @@ struct FrameContext {
 /// Light on its way to the sensor. Maps are per output pixel of the readout plane.
 struct LightField {
   std::vector<Emitter>* emitters = nullptr;
-  double shift_x_px = 0;                   // of the whole image this frame
+  double shift_x_px = 0;  // of the whole image this frame
   double shift_y_px = 0;
-  double halo_fraction = 0;                // of every atom's light, scattered into a halo
-  double halo_scale_px = 0;                // its exponential radius
-  double background_photons = 0;           // uniform stray light per physical pixel
+  double halo_fraction = 0;                          // of every atom's light, scattered into a halo
+  double halo_scale_px = 0;                          // its exponential radius
+  double background_photons = 0;                     // uniform stray light per physical pixel
   std::shared_ptr<const RatioMap> background_ratio;  // multiplies the background; null: 1
   std::shared_ptr<const RatioMap> response_ratio;    // multiplies atoms' light and background alike; null: 1
 };
@@ -59,7 +62,8 @@ struct LightField {
 class Effect {
  public:
   virtual ~Effect() = default;
-  /// Hooks; an effect overrides those of its plane. All are const and thread safe: state is drawn from the context.
+  /// Hooks; an effect overrides those of its plane. All are const and thread safe: state is drawn from the
+  /// context.
   virtual void apply_to_scene(SceneFrame&, const FrameContext&) const {}
   virtual void apply_to_light(LightField&, const FrameContext&) const {}
   virtual void apply_to_electrons(ElectronImage&, const FrameContext&) const {}
@@ -71,13 +75,13 @@ class Effect {
 };
 
 struct EffectDeclaration {
-  std::string name;                 // snake_case, the field's term
+  std::string name;  // snake_case, the field's term
   Plane plane = Plane::scene;
-  std::string summary;              // one line
-  std::string reference;            // where the model comes from
+  std::string summary;                           // one line
+  std::string reference;                         // where the model comes from
   std::vector<ParameterDeclaration> parameters;  // the first is the strength: at zero the effect is absent
   std::vector<std::string> observables;          // names of base/observable.hpp it moves
-  bool emccd = true;                // cameras it makes sense on
+  bool emccd = true;                             // cameras it makes sense on
   bool qcmos = true;
   std::unique_ptr<Effect> (*make)(const ParameterValues& values) = nullptr;
 

@@ -1,9 +1,12 @@
-#include "effects/effect.hpp"
+#include "effects/patterns.hpp"
+
 namespace atomcam {
 namespace {
+
 class SerialCic : public Effect {
  public:
   explicit SerialCic(const ParameterValues& values) : events_(values[0]) {}
+
   void apply_to_register(int row, std::span<float> output_e, const Sensor::Readout& readout,
                          const FrameContext&) const override {
     readout.add_serial_clock_induced_charge(row, events_, output_e);
@@ -12,20 +15,26 @@ class SerialCic : public Effect {
  private:
   double events_;
 };
+
 }  // namespace
+
 EffectDeclaration serial_cic() {
-  return {
-      .name = "serial_cic",
-      .plane = Plane::electron_register,
-      .summary = "s",
-      .reference = "r",
-      .parameters =
-          {{.key = "events", .unit = "1", .minimum = 0, .maximum = 1, .default_value = 0.01, .meaning = "m"}},
-      .observables = {"pixel_histogram"},
-      .emccd = true,
-      .qcmos = false,
-      .make = [](const ParameterValues& v) -> std::unique_ptr<Effect> {
-        return std::make_unique<SerialCic>(v);
-      }};
+  return {.name = "serial_cic",
+          .plane = Plane::electron_register,
+          .summary =
+              "Clock-induced charge born at any stage of the EM register comes out with a part of the gain.",
+          .reference = "Harpsoe et al., A&A 542, A23 (2012); paper, section on camera effects",
+          .parameters = {{.key = "events",
+                          .unit = "e",
+                          .minimum = 0,
+                          .maximum = 1,
+                          .default_value = 0.01,
+                          .scale = ParameterScale::logarithmic,
+                          .meaning = "Mean number of such charges per output pixel."}},
+          .observables = {"pixel_histogram", "kurtosis_map"},
+          .emccd = true,
+          .qcmos = false,
+          .make = make_effect<SerialCic>};
 }
+
 }  // namespace atomcam

@@ -1,0 +1,53 @@
+#include "effects/patterns.hpp"
+
+namespace atomcam {
+namespace {
+
+class DualAdcPeaks : public Effect {
+ public:
+  explicit DualAdcPeaks(const ParameterValues& values)
+      : fraction_(values[0]), separation_counts_(values[1]) {}
+
+  void apply_to_counts(int row, std::span<float> analog_counts, const FrameContext& context) const override {
+    const PlaneGeometry plane(context);
+    for_each_defect(context, plane, row, fraction_, [&](int column, std::uint32_t pixel, RandomStream&) {
+      if (static_cast<std::size_t>(column) >= analog_counts.size()) return;
+      RandomStream random = context.random("path", pixel);
+      analog_counts[column] +=
+          static_cast<float>(random.uniform() < 0.5 ? separation_counts_ / 2 : -separation_counts_ / 2);
+    });
+  }
+
+ private:
+  double fraction_;
+  double separation_counts_;
+};
+
+}  // namespace
+
+EffectDeclaration dual_adc_peaks() {
+  return {.name = "dual_adc_peaks",
+          .plane = Plane::counts,
+          .summary = "Some pixels take one of two values at random: two read paths that differ.",
+          .reference = "Paper, histogram of a pixel with two peaks at all exposures",
+          .parameters = {{.key = "fraction",
+                          .unit = "1",
+                          .minimum = 0,
+                          .maximum = 1,
+                          .default_value = 0.02,
+                          .scale = ParameterScale::logarithmic,
+                          .meaning = "Fraction of the sensor's pixels."},
+                         {.key = "separation_counts",
+                          .unit = "counts",
+                          .minimum = 0.1,
+                          .maximum = 1000,
+                          .default_value = 12,
+                          .scale = ParameterScale::logarithmic,
+                          .meaning = "Distance of the two peaks."}},
+          .observables = {"kurtosis_map", "variance_map"},
+          .emccd = true,
+          .qcmos = true,
+          .make = make_effect<DualAdcPeaks>};
+}
+
+}  // namespace atomcam

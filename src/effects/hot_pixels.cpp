@@ -1,0 +1,54 @@
+#include "effects/patterns.hpp"
+
+namespace atomcam {
+namespace {
+
+class HotPixels : public Effect {
+ public:
+  explicit HotPixels(const ParameterValues& values) : fraction_(values[0]), rate_e_per_s_(values[1]) {}
+
+  void apply_to_electrons(ElectronImage& electrons, const FrameContext& context) const override {
+    const PlaneGeometry plane(context);
+    for (int row = 0; row < electrons.rows(); ++row)
+      for_each_defect(
+          context, plane, row, fraction_, [&](int column, std::uint32_t pixel, RandomStream& own) {
+            if (column >= electrons.columns()) return;
+            const double mean = rate_e_per_s_ * sample_exponential(own) * context.settings->exposure_s;
+            RandomStream random = context.random("electrons", pixel);
+            electrons(row, column) += static_cast<std::int32_t>(sample_poisson(random, mean));
+          });
+  }
+
+ private:
+  double fraction_;
+  double rate_e_per_s_;
+};
+
+}  // namespace
+
+EffectDeclaration hot_pixels() {
+  return {.name = "hot_pixels",
+          .plane = Plane::electrons,
+          .summary = "A few pixels have a much larger dark current.",
+          .reference = "Second population of the dark current; about 1 % of an iXon 888's pixels",
+          .parameters = {{.key = "fraction",
+                          .unit = "1",
+                          .minimum = 0,
+                          .maximum = 0.2,
+                          .default_value = 0.001,
+                          .scale = ParameterScale::logarithmic,
+                          .meaning = "Fraction of the sensor's pixels."},
+                         {.key = "rate_e_per_s",
+                          .unit = "e/s",
+                          .minimum = 0.01,
+                          .maximum = 100000,
+                          .default_value = 20,
+                          .scale = ParameterScale::logarithmic,
+                          .meaning = "Mean dark current of such a pixel (exponential)."}},
+          .observables = {"mean_map", "variance_map", "bright_clusters"},
+          .emccd = true,
+          .qcmos = true,
+          .make = make_effect<HotPixels>};
+}
+
+}  // namespace atomcam

@@ -1,0 +1,140 @@
+#pragma once
+// What several effects are made of: where a plane's pixels lie on the sensor, patterns that are drawn once
+// and kept, noise that wanders from frame to frame, and sparse pixels with a defect.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <tuple>
+
+#include "base/math.hpp"
+#include "base/samplers.hpp"
+#include "effects/effect.hpp"
+
+namespace atomcam {
+
+/// Pixels of the readout's plane in physical sensor pixels: an EMCCD bins on the chip, a qCMOS after
+/// conversion.
+struct PlaneGeometry {
+  explicit PlaneGeometry(const FrameContext& context)
+      : region(context.settings->region), sensor(context.sensor->shape()) {
+    if (context.sensor->kind() == CameraKind::emccd) {
+      step_x = context.settings->binning_x;
+      step_y = context.settings->binning_y;
+    }
+  }
+  Shape shape() const { return {region.height / step_y, region.width / step_x}; }
+  double x_px(int column) const { return region.offset_x + (column + 0.5) * step_x - 0.5; }
+  double y_px(int row) const { return region.offset_y + (row + 0.5) * step_y - 0.5; }
+  /// Position from the sensor's centre in units of half its width: -1 to 1 along x.
+  double u(double x) const { return (x - (sensor.columns - 1) / 2.0) / (sensor.columns / 2.0); }
+  double v(double y) const { return (y - (sensor.rows - 1) / 2.0) / (sensor.columns / 2.0); }
+
+  Region region;
+  Shape sensor;
+  int step_x = 1;
+  int step_y = 1;
+};
+
+/// A map that is drawn once for a sensor, region and binning, and shared by all frames and threads.
+class KeptMap {
+ public:
+  using Pixel = std::function<double(int row, int column)>;
+  std::shared_ptr<const RatioMap> get(const FrameContext& context, const Pixel& pixel) const {
+    const CameraSettings& s = *context.settings;
+    Key key{std::string(context.serial),
+            context.seed,
+            s.region.offset_x,
+            s.region.offset_y,
+            s.region.width,
+            s.region.height,
+            s.binning_x,
+            s.binning_y};
+    const std::lock_guard lock(mutex_);
+    if (!map_ || key != key_) {
+      const Shape shape = PlaneGeometry(context).shape();
+      auto map = std::make_shared<RatioMap>(shape);
+      for (int row = 0; row < shape.rows; ++row)
+        for (int column = 0; column < shape.columns; ++column)
+          (*map)(row, column) = static_cast<float>(pixel(row, column));
+      map_ = std::move(map);
+      key_ = std::move(key);
+    }
+    return map_;
+  }
+
+ private:
+  using Key = std::tuple<std::string, std::uint64_t, int, int, int, int, int, int>;
+  mutable std::mutex mutex_;
+  mutable Key key_;
+  mutable std::shared_ptr<const RatioMap> map_;
+};
+
+inline void multiply(std::shared_ptr<const RatioMap>& into, std::shared_ptr<const RatioMap> factor) {
+  if (!into) {
+    into = std::move(factor);
+    return;
+  }
+  auto product = std::make_shared<RatioMap>(*into);
+  for (std::size_t i = 0; i < product->pixels().size(); ++i) product->pixels()[i] *= factor->pixels()[i];
+  into = std::move(product);
+}
+
+/// Gaussian noise of unit variance that wanders over about `period` frames, known at any frame by itself:
+/// normal knots every `period` frames, joined by weights cos and sin of a quarter turn, so the variance is 1
+/// everywhere.
+inline double wandering(const FrameContext& context, std::string_view what, double period) {
+  const double place = static_cast<double>(context.frame) / period;
+  const double knot = std::floor(place), t = place - knot;
+  const auto at = [&](double k) {
+    RandomStream random = context.random_at(what, static_cast<std::uint64_t>(k));
+    return sample_normal(random);
+  };
+  return math::cos_turns(t / 4) * at(knot) + math::sin_turns(t / 4) * at(knot + 1);
+}
+
+/// First-order autoregressive noise of unit variance and correlation `rho` from frame to frame, from its last
+/// innovations until their weight falls below 1e-6.
+inline double autoregressive(const FrameContext& context, std::string_view what, double rho) {
+  double value = 0, weight = std::sqrt(1 - rho * rho);
+  std::uint64_t frame = context.frame;
+  for (int k = 0; k < 3000 && weight > 1e-6; ++k) {
+    RandomStream random = context.random_at(what, frame);
+    value += weight * sample_normal(random);
+    weight *= rho;
+    if (frame-- == 0) frame = ~std::uint64_t{0};  // before the first frame the noise was there, too
+  }
+  return value;
+}
+
+/// Calls use(column, random) for every pixel of a plane's row that carries a defect: a fraction of the
+/// sensor's physical pixels, fixed by its serial number. `random` is the defect's own stream of fixed
+/// properties.
+template <class Use>
+void for_each_defect(const FrameContext& context, const PlaneGeometry& plane, int row, double fraction,
+                     const Use& use) {
+  const int first = plane.region.offset_y + row * plane.step_y;
+  for (int y = first; y < first + plane.step_y; ++y) {
+    RandomStream random = context.fixed("pixels", static_cast<std::uint32_t>(y));
+    const std::int64_t count = sample_poisson(random, fraction * plane.sensor.columns);
+    for (std::int64_t i = 0; i < count; ++i) {
+      const int x = static_cast<int>(random.uniform() * plane.sensor.columns);
+      const std::uint64_t properties = random.next64();
+      const int column = x - plane.region.offset_x;
+      if (column < 0 || column >= plane.region.width) continue;
+      RandomStream own(properties, stream_id("defect"), 0, 0);
+      use(column / plane.step_x, static_cast<std::uint32_t>(y * plane.sensor.columns + x), own);
+    }
+  }
+}
+
+template <class Kind>
+std::unique_ptr<Effect> make_effect(const ParameterValues& values) {
+  return std::make_unique<Kind>(values);
+}
+
+}  // namespace atomcam

@@ -1,0 +1,68 @@
+#include "effects/patterns.hpp"
+
+namespace atomcam {
+namespace {
+
+class RandomTelegraphNoise : public Effect {
+ public:
+  explicit RandomTelegraphNoise(const ParameterValues& values)
+      : fraction_(values[0]), amplitude_counts_(values[1]), dwell_frames_(values[2]) {}
+
+  void apply_to_counts(int row, std::span<float> analog_counts, const FrameContext& context) const override {
+    // The chain starts anew in equilibrium every block of frames, so that any frame is reached in bounded
+    // time. Levels lie evenly about the pixel's own mean.
+    const auto block = static_cast<std::uint64_t>(std::clamp(8 * dwell_frames_, 16.0, 512.0));
+    const std::uint64_t first = context.frame / block * block;
+    const PlaneGeometry plane(context);
+    for_each_defect(context, plane, row, fraction_, [&](int column, std::uint32_t pixel, RandomStream& own) {
+      if (static_cast<std::size_t>(column) >= analog_counts.size()) return;
+      const double distance = amplitude_counts_ * sample_exponential(own);
+      RandomStream random = context.random_at("state", first, pixel);
+      bool high = random.uniform() < 0.5;
+      for (std::uint64_t frame = first; frame < context.frame; ++frame)
+        if (random.uniform() < 1 / dwell_frames_) high = !high;
+      analog_counts[column] += static_cast<float>(high ? distance / 2 : -distance / 2);
+    });
+  }
+
+ private:
+  double fraction_;
+  double amplitude_counts_;
+  double dwell_frames_;
+};
+
+}  // namespace
+
+EffectDeclaration random_telegraph_noise() {
+  return {.name = "random_telegraph_noise",
+          .plane = Plane::counts,
+          .summary = "Some pixels jump between two levels: a single trap fills and empties.",
+          .reference = "Random telegraph signal in CMOS pixels: 0.1-5 % of them",
+          .parameters = {{.key = "fraction",
+                          .unit = "1",
+                          .minimum = 0,
+                          .maximum = 0.5,
+                          .default_value = 0.005,
+                          .scale = ParameterScale::logarithmic,
+                          .meaning = "Fraction of the sensor's pixels."},
+                         {.key = "amplitude_counts",
+                          .unit = "counts",
+                          .minimum = 0.1,
+                          .maximum = 1000,
+                          .default_value = 15,
+                          .scale = ParameterScale::logarithmic,
+                          .meaning = "Mean distance of the levels (exponential)."},
+                         {.key = "dwell_frames",
+                          .unit = "frames",
+                          .minimum = 1,
+                          .maximum = 1000,
+                          .default_value = 5,
+                          .scale = ParameterScale::logarithmic,
+                          .meaning = "Mean time in a level."}},
+          .observables = {"kurtosis_map", "variance_map", "lag_correlation"},
+          .emccd = true,
+          .qcmos = true,
+          .make = make_effect<RandomTelegraphNoise>};
+}
+
+}  // namespace atomcam

@@ -142,6 +142,18 @@ TEST(LabDocs, FiguresOfTheCamerasAreThePresets) {
   }
 }
 
+TEST(LabDocs, TheExampleIsALab) {
+  std::stringstream text;
+  text << std::ifstream(ATOMCAM_SOURCE_DIR "/docs/lab_file.md").rdbuf();
+  const std::string open = "```toml\n";
+  const auto begin = text.str().find(open);
+  ASSERT_NE(begin, std::string::npos);
+  const auto end = text.str().find("```", begin + open.size());
+  const Lab lab = parse_lab(text.str().substr(begin + open.size(), end - begin - open.size()), "lab_file.md");
+  EXPECT_EQ(lab.name, "my lab");
+  EXPECT_TRUE(lab.effects.contains("row_noise"));
+}
+
 TEST(LabDocs, KeysAreTheReadersOwn) {
   for (const char* section : {"", "camera", "atoms", "optics", "light", "sensor"}) {
     expect_block("lab_file.md", fmt::format("keys {}", *section ? section : "top"), keys(section));

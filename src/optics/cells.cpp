@@ -8,6 +8,7 @@
 
 #include "base/error.hpp"
 #include "base/math.hpp"
+#include "optics/core_sums.hpp"
 #include "optics/fourier.hpp"
 #include "optics/pupil.hpp"
 #include "optics/sinc.hpp"
@@ -25,7 +26,7 @@ constexpr double far_tail = 101.4;
 
 int choose_side(const OpticsDescription& optics, double blur) {
   const RayReach rays = ray_reach(optics);
-  const double core = std::min(2.0, std::sqrt(rays.rms * rays.rms + blur * blur));
+  const double core = std::min(2.0, rays.rms);
   const double reach = far_tail + rays.largest + 5 * blur;
   int side = 0;
   for (const int candidate : {108, 144, 162, 180, 216, 240}) {  // sizes that Fourier transforms like
@@ -73,7 +74,8 @@ struct Spectrum {
 /// and its mirror image.
 std::vector<double> core_cells(Spectrum& spectrum, int side, double width) {
   const int half = side / 2, reach = spectrum.reach;
-  const auto columns = static_cast<std::size_t>(half);
+  const std::size_t columns =
+      (static_cast<std::size_t>(half) + core_sum_columns - 1) / core_sum_columns * core_sum_columns;
   const double turns = width / spectrum.size;
   // cos and sin of 2 pi k x for the places x = i + 1/2 right of the centre, and the light in a cell at
   // frequency k.
@@ -89,24 +91,20 @@ std::vector<double> core_cells(Spectrum& spectrum, int side, double width) {
   std::vector<double> cells(static_cast<std::size_t>(side) * static_cast<std::size_t>(side));
   std::vector<double> even_re(columns), even_im(columns), odd_re(columns), odd_im(columns);
   std::vector<double> re(static_cast<std::size_t>(side)), im(re.size());
+  std::vector<double> value_re(weight.size()), value_im(weight.size());
   for (int l = -reach; l <= reach; ++l) {
-    for (auto* part : {&even_re, &even_im, &odd_re, &odd_im}) std::fill(part->begin(), part->end(), 0.0);
     const int last =
         static_cast<int>(std::sqrt(static_cast<double>(reach) * reach - static_cast<double>(l) * l));
     for (int k = 0; k <= last; ++k) {
       const std::complex<double> value = (k == 0 ? 1 : 2) * weight[k] * spectrum.at(l, k);
-      const double a = value.real(), b = value.imag();
-      const double* c = &cosine[k * columns];
-      const double* s = &sine[k * columns];
-      for (std::size_t i = 0; i < columns; ++i) {
-        even_re[i] += a * c[i];
-        even_im[i] += b * c[i];
-        odd_re[i] += a * s[i];
-        odd_im[i] += b * s[i];
-      }
+      value_re[k] = value.real();
+      value_im[k] = value.imag();
     }
-    for (int i = 0; i < half;
-         ++i) {  // exp(i p) = cos p + i sin p at the place, conjugate at its mirror image
+    const auto terms = static_cast<std::size_t>(last + 1);
+    core_sums(std::span(value_re).first(terms), std::span(value_im).first(terms), cosine.data(), sine.data(),
+              columns, {even_re.data(), even_im.data(), odd_re.data(), odd_im.data()});
+    // exp(i p) = cos p + i sin p at a place is conjugate at its mirror image.
+    for (int i = 0; i < half; ++i) {
       re[half + i] = even_re[i] - odd_im[i];
       im[half + i] = even_im[i] + odd_re[i];
       re[half - 1 - i] = even_re[i] + odd_im[i];
@@ -169,11 +167,13 @@ Cells point_spread_cells(const OpticsDescription& optics, Blur blur) {
   const std::vector<double> sampled = sampled_cells(spectrum);
   cells.share.resize(cell_levels * level_cells);
   for (int level = sampled_level, width = 1; level < cell_levels; ++level, width *= 3)
-    for (int y = -side / 2 * width; y < side / 2 * width; ++y)
-      for (int x = -side / 2 * width; x < side / 2 * width; ++x)
-        cells.share[cells.index(level, (y + side / 2 * width) / width, (x + side / 2 * width) / width)] +=
-            sampled[static_cast<std::size_t>(y < 0 ? y + size : y) * static_cast<std::size_t>(size) +
-                    static_cast<std::size_t>(x < 0 ? x + size : x)];
+    for (int y = -side / 2 * width; y < side / 2 * width; ++y) {
+      const double* row =
+          &sampled[static_cast<std::size_t>(y < 0 ? y + size : y) * static_cast<std::size_t>(size)];
+      double* cell = &cells.share[cells.index(level, (y + side / 2 * width) / width, 0)];
+      for (int x = -side / 2 * width; x < side / 2 * width; ++cell)
+        for (const int next = x + width; x < next; ++x) *cell += row[x < 0 ? x + size : x];
+    }
   for (int level = 1; level < cell_levels; ++level)
     for (int j = side / 3; j < side - side / 3; ++j)
       for (int i = side / 3; i < side - side / 3; ++i) cells.share[cells.index(level, j, i)] = 0;

@@ -5,8 +5,8 @@
 #include <unistd.h>
 
 #include <csignal>
-#include <functional>
 #include <fstream>
+#include <functional>
 
 #include "base/error.hpp"
 #include "base/random.hpp"

@@ -1,0 +1,16 @@
+#pragma once
+// PNG files: 16-bit grey images with linear contrast, and drawings.
+
+#include <filesystem>
+
+#include "base/image.hpp"
+#include "data/canvas.hpp"
+
+namespace atomcam {
+
+/// 16-bit grey; counts at or below `black` become 0, at or above `white` 65535, linear between.
+void write_png(const std::filesystem::path& file, const CountImage& image, double black, double white);
+/// 8-bit colour.
+void write_png(const std::filesystem::path& file, const Canvas& canvas);
+
+}  // namespace atomcam

@@ -1,0 +1,35 @@
+// atomcam: virtual cameras for neutral-atom laboratories, on the command line.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "atomcam/commands.hpp"
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Virtual cameras for neutral-atom laboratories: simulated frames of atom arrays with their truth.",
+      "atomcam");
+  app.set_version_flag("--version", "atomcam " ATOMCAM_VERSION);
+  app.require_subcommand(1);
+  app.footer("`atomcam COMMAND --help` explains a command.");
+  atomcam::add_serve_command(app);
+  atomcam::add_render_command(app);
+  atomcam::add_grab_command(app);
+  atomcam::add_check_truth_command(app);
+  atomcam::add_lab_command(app);
+  atomcam::add_effects_command(app);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::RuntimeError& failure) {
+    return failure.get_exit_code();
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    std::string problem = error.what();
+    std::ranges::replace(problem, '\n', ' ');
+    fmt::print(stderr, "atomcam: {} (try --help)\n", problem);
+    return 2;
+  }
+  return 0;
+}

@@ -215,22 +215,28 @@ StreamReport AravisClient::grab(double timeout_s, const std::function<bool(const
   try {
     using Clock = std::chrono::steady_clock;
     auto heard = Clock::now();
+    const auto heard_nothing = [&] {
+      if (lost(body_->device())) throw Failure("the camera is gone");
+      if (Clock::now() - heard > std::chrono::duration<double>(timeout_s))
+        throw Failure(fmt::format("no frame for {} s", timeout_s));
+    };
     std::optional<std::uint64_t> last;
     for (bool more = true; more && !stop();) {
       ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream.get(), 100'000);
       if (!buffer) {
-        if (!lost(body_->device()) && Clock::now() - heard < std::chrono::duration<double>(timeout_s))
-          continue;
-        throw Failure(lost(body_->device()) ? "the camera is gone"
-                                            : fmt::format("no frame for {} s", timeout_s));
+        heard_nothing();
+        continue;
       }
-      heard = Clock::now();
       struct Return {
         ArvStream* stream;
         void operator()(ArvBuffer* one) const { arv_stream_push_buffer(stream, one); }
       };
       const std::unique_ptr<ArvBuffer, Return> returned(buffer, Return{stream.get()});
-      if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS) continue;
+      if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS) {
+        heard_nothing();
+        continue;
+      }
+      heard = Clock::now();
       GrabbedFrame frame{arv_buffer_get_frame_id(buffer), image_of(buffer), {}};
       // Standard block numbers have 16 bits and go round.
       if (last && frame.id > *last + 1) report.skipped += frame.id - *last - 1;

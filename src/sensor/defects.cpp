@@ -7,14 +7,16 @@
 namespace atomcam {
 namespace {
 
-bool before(const PixelAddress& a, const PixelAddress& b) {
-  return a.row != b.row ? a.row < b.row : a.column < b.column;
-}
+struct Step {
+  int x, y;
+};
+constexpr std::array<Step, 8> neighbours = {
+    {{-1, -1}, {0, -1}, {1, -1}, {-1, 0}, {1, 0}, {-1, 1}, {0, 1}, {1, 1}}};
 
 }  // namespace
 
-std::vector<PixelAddress> find_defects(const RatioMap& read_noise_ratio, const RatioMap& dark_ratio,
-                                       HotPixelCorrection level) {
+std::vector<Defect> find_defects(const RatioMap& read_noise_ratio, const RatioMap& dark_ratio,
+                                 HotPixelCorrection level) {
   float noise_limit = 3, dark_limit = 10;
   if (level == HotPixelCorrection::minimum) {
     noise_limit = 4;
@@ -23,34 +25,41 @@ std::vector<PixelAddress> find_defects(const RatioMap& read_noise_ratio, const R
     noise_limit = 2.5;
     dark_limit = 7;
   }
-  std::vector<PixelAddress> defects;
-  for (int r = 0; r < read_noise_ratio.rows(); ++r) {
-    const std::span<const float> noise = read_noise_ratio.row(r), dark = dark_ratio.row(r);
-    for (std::size_t c = 0; c < noise.size(); ++c)
-      if (noise[c] > noise_limit || dark[c] > dark_limit) defects.push_back({r, static_cast<int>(c)});
-  }
+  const Shape shape = read_noise_ratio.shape();
+  const auto bad = [&](int r, int c) {
+    return read_noise_ratio(r, c) > noise_limit || dark_ratio(r, c) > dark_limit;
+  };
+  std::vector<Defect> defects;
+  for (int r = 0; r < shape.rows; ++r)
+    for (int c = 0; c < shape.columns; ++c) {
+      if (!bad(r, c)) continue;
+      Defect defect{r, c, 0};
+      for (std::size_t n = 0; n < neighbours.size(); ++n) {
+        const int y = r + neighbours[n].y, x = c + neighbours[n].x;
+        if (y >= 0 && y < shape.rows && x >= 0 && x < shape.columns && !bad(y, x)) defect.good |= 1u << n;
+      }
+      defects.push_back(defect);
+    }
   return defects;
 }
 
-void correct_defects(const std::vector<PixelAddress>& defects, const Region& region, CountImage& image) {
-  const auto begin =
-      std::lower_bound(defects.begin(), defects.end(), PixelAddress{region.offset_y, 0}, before);
-  const auto end =
-      std::lower_bound(begin, defects.end(), PixelAddress{region.offset_y + region.height, 0}, before);
-  std::array<std::uint16_t, 9> good{};
+void correct_defects(const std::vector<Defect>& defects, const Region& region, CountImage& image) {
+  const auto above = [](const Defect& defect, int row) { return defect.row < row; };
+  const auto begin = std::lower_bound(defects.begin(), defects.end(), region.offset_y, above);
+  const auto end = std::lower_bound(begin, defects.end(), region.offset_y + region.height, above);
+  std::array<std::uint16_t, 8> good{};
   // A defect is never among the good ones, so the order of the replacements does not matter.
   for (auto defect = begin; defect != end; ++defect) {
     const int row = defect->row - region.offset_y, column = defect->column - region.offset_x;
     if (column < 0 || column >= image.columns()) continue;
     std::size_t count = 0;
-    for (int r = std::max(row - 1, 0); r <= std::min(row + 1, image.rows() - 1); ++r) {
-      for (int c = std::max(column - 1, 0); c <= std::min(column + 1, image.columns() - 1); ++c) {
-        const PixelAddress there{r + region.offset_y, c + region.offset_x};
-        if (std::binary_search(begin, end, there, before)) continue;
-        std::size_t place = count++;  // kept in order
-        for (; place > 0 && good[place - 1] > image(r, c); --place) good[place] = good[place - 1];
-        good[place] = image(r, c);
-      }
+    for (std::size_t n = 0; n < neighbours.size(); ++n) {
+      const int r = row + neighbours[n].y, c = column + neighbours[n].x;
+      if ((defect->good >> n & 1) == 0 || r < 0 || r >= image.rows() || c < 0 || c >= image.columns())
+        continue;
+      std::size_t place = count++;  // kept in order
+      for (; place > 0 && good[place - 1] > image(r, c); --place) good[place] = good[place - 1];
+      good[place] = image(r, c);
     }
     if (count == 0) continue;
     image(row, column) =

@@ -37,7 +37,7 @@ class Qcmos final : public Sensor {
  private:
   class QcmosReadout;
 
-  std::shared_ptr<const std::vector<PixelAddress>> defects(HotPixelCorrection level) const {
+  std::shared_ptr<const std::vector<Defect>> defects(HotPixelCorrection level) const {
     return defects_.get(level,
                         [&] { return find_defects(*maps_.read_noise_ratio, *maps_.dark_ratio, level); });
   }
@@ -46,7 +46,7 @@ class Qcmos final : public Sensor {
   QcmosMaps maps_;
   DarkMap dark_;
   mutable Background::Cache background_cache_;
-  mutable Recent<HotPixelCorrection, std::vector<PixelAddress>> defects_{3};
+  mutable Recent<HotPixelCorrection, std::vector<Defect>> defects_{3};
 };
 
 /// Refers to its sensor, which outlives it.

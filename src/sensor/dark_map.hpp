@@ -24,7 +24,7 @@ class DarkMap {
   const RatioMap& ratio() const { return *ratio_; }
 
  private:
-  static constexpr int block_ = 64;
+  static constexpr int block_ = 16;
   double sum_before(int row, int column) const;
 
   std::shared_ptr<const RatioMap> ratio_;

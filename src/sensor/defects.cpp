@@ -15,7 +15,7 @@ constexpr std::array<Step, 8> neighbours = {
 
 }  // namespace
 
-std::vector<Defect> find_defects(const RatioMap& read_noise_ratio, const RatioMap& dark_ratio,
+std::vector<Defect> find_defects(const FixedMap<std::uint16_t>& read_noise_ratio, const RatioMap& dark_ratio,
                                  HotPixelCorrection level) {
   float noise_limit = 3, dark_limit = 10;
   if (level == HotPixelCorrection::minimum) {
@@ -25,9 +25,9 @@ std::vector<Defect> find_defects(const RatioMap& read_noise_ratio, const RatioMa
     noise_limit = 2.5;
     dark_limit = 7;
   }
-  const Shape shape = read_noise_ratio.shape();
+  const Shape shape = dark_ratio.shape();
   const auto bad = [&](int r, int c) {
-    return read_noise_ratio(r, c) > noise_limit || dark_ratio(r, c) > dark_limit;
+    return read_noise_ratio.row(r, c)[0] > noise_limit || dark_ratio(r, c) > dark_limit;
   };
   std::vector<Defect> defects;
   for (int r = 0; r < shape.rows; ++r)

@@ -7,6 +7,7 @@
 
 #include "base/camera_settings.hpp"
 #include "base/image.hpp"
+#include "sensor/fixed_map.hpp"
 
 namespace atomcam {
 
@@ -19,7 +20,7 @@ struct Defect {
 
 /// Pixels whose read noise exceeds 4 / 3 / 2.5 times the sensor's rms, or whose dark current 15 / 10 / 7
 /// times its mean (minimum / standard / aggressive), in row order.
-std::vector<Defect> find_defects(const RatioMap& read_noise_ratio, const RatioMap& dark_ratio,
+std::vector<Defect> find_defects(const FixedMap<std::uint16_t>& read_noise_ratio, const RatioMap& dark_ratio,
                                  HotPixelCorrection level);
 
 /// Replaces every defect in the region by the median of its good neighbours (of eight) within the region.

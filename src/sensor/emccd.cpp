@@ -94,22 +94,18 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
       return;
     }
     const auto block = static_cast<std::uint32_t>(row);
-    thread_local std::vector<std::int32_t> columns;
+    thread_local row_loops::Packets packets;
     thread_local std::vector<std::uint32_t> words;
-    columns.resize(electrons.size());
-    const std::size_t found =
-        row_loops::spread_electrons(electrons, output_well_e_, output_e, columns.data());
+    row_loops::spread_electrons(electrons, output_well_e_, output_e, packets);
     std::size_t needed = 0;
-    for (std::size_t i = 0; i < found; ++i)
-      needed += law_->words_for(electrons[static_cast<std::size_t>(columns[i])]);
+    for (std::size_t i = 0; i < packets.count; ++i) needed += law_->words_for(packets.electrons[i]);
     words.resize(needed);
     fill_random(register_key_, frame_, block, words);
     auto next_word = [word = words.data()]() mutable { return *word++; };
     RandomStream large(large_key_, frame_, block);
-    for (std::size_t i = 0; i < found; ++i) {
-      const auto c = static_cast<std::size_t>(columns[i]);
-      output_e[c] = std::min(law_->draw(electrons[c], next_word, large), output_well_e_);
-    }
+    for (std::size_t i = 0; i < packets.count; ++i)
+      output_e[static_cast<std::size_t>(packets.columns[i])] =
+          std::min(law_->draw(packets.electrons[i], next_word, large), output_well_e_);
   }
 
   void add_serial_clock_induced_charge(int row, double events, std::span<float> output_e) const override {

@@ -12,6 +12,7 @@
 #include "sensor/background.hpp"
 #include "sensor/dark_map.hpp"
 #include "sensor/defects.hpp"
+#include "sensor/fixed_map.hpp"
 #include "sensor/photo_electrons.hpp"
 #include "sensor/readout_settings.hpp"
 #include "sensor/recent.hpp"
@@ -23,8 +24,12 @@ namespace {
 
 class Qcmos final : public Sensor {
  public:
-  Qcmos(QcmosDescription description, QcmosMaps maps)
-      : description_(std::move(description)), maps_(std::move(maps)), dark_(maps_.dark_ratio) {}
+  Qcmos(QcmosDescription description, const QcmosMaps& maps)
+      : description_(std::move(description)),
+        offset_counts_(*maps.offset_counts),
+        gain_ratio_(*maps.gain_ratio),
+        read_noise_ratio_(*maps.read_noise_ratio),
+        dark_(maps.dark_ratio) {}
 
   CameraKind kind() const override { return CameraKind::qcmos; }
   Shape shape() const override { return description_.shape; }
@@ -38,12 +43,13 @@ class Qcmos final : public Sensor {
   class QcmosReadout;
 
   std::shared_ptr<const std::vector<Defect>> defects(HotPixelCorrection level) const {
-    return defects_.get(level,
-                        [&] { return find_defects(*maps_.read_noise_ratio, *maps_.dark_ratio, level); });
+    return defects_.get(level, [&] { return find_defects(read_noise_ratio_, dark_.ratio(), level); });
   }
 
   QcmosDescription description_;
-  QcmosMaps maps_;
+  FixedMap<std::int16_t> offset_counts_;
+  FixedMap<std::uint16_t> gain_ratio_;
+  FixedMap<std::uint16_t> read_noise_ratio_;
   DarkMap dark_;
   mutable Background::Cache background_cache_;
   mutable Recent<HotPixelCorrection, std::vector<Defect>> defects_{3};
@@ -153,9 +159,9 @@ class Qcmos::QcmosReadout final : public Sensor::Readout {
   row_loops::QcmosConversion row_conversion(int row) const {
     const int r = settings_.region.offset_y + row, c = settings_.region.offset_x;
     row_loops::QcmosConversion conversion = conversion_;
-    conversion.offset_counts = &(*sensor_.maps_.offset_counts)(r, c);
-    conversion.gain_ratio = &(*sensor_.maps_.gain_ratio)(r, c);
-    conversion.read_noise_ratio = &(*sensor_.maps_.read_noise_ratio)(r, c);
+    conversion.offset_counts = sensor_.offset_counts_.row(r, c);
+    conversion.gain_ratio = sensor_.gain_ratio_.row(r, c);
+    conversion.read_noise_ratio = sensor_.read_noise_ratio_.row(r, c);
     if (sensor_.description_.row_noise_e != 0)
       conversion.row_noise_e =
           static_cast<float>(sensor_.description_.row_noise_e) *
@@ -203,7 +209,7 @@ std::shared_ptr<const Sensor> make_qcmos(QcmosDescription description, std::stri
     if (!maps.read_noise_ratio) maps.read_noise_ratio = drawn.read_noise_ratio;
     if (!maps.dark_ratio) maps.dark_ratio = drawn.dark_ratio;
   }
-  return std::make_shared<Qcmos>(std::move(description), std::move(maps));
+  return std::make_shared<Qcmos>(std::move(description), maps);
 }
 
 std::shared_ptr<const Sensor> make_qcmos(QcmosDescription description, std::string serial) {

@@ -1,9 +1,10 @@
+#include <algorithm>
 #include <cmath>
 
-#include "base/math.hpp"
 #include "base/random.hpp"
 #include "base/samplers.hpp"
 #include "sensor/qcmos.hpp"
+#include "sensor/row_loops.hpp"
 #include "sensor/word_laws.hpp"
 
 namespace atomcam {
@@ -25,17 +26,12 @@ class MapWords {
   std::vector<std::uint32_t> words_;
 };
 
-/// A map whose pixel is `value(word)`.
-template <class MapImage, class Value>
-std::shared_ptr<MapImage> draw_map(Shape shape, const std::string& serial, std::string_view name,
-                                   Value value) {
+/// A map whose rows are `fill(words, pixels)`.
+template <class MapImage, class Fill>
+std::shared_ptr<MapImage> draw_map(Shape shape, const std::string& serial, std::string_view name, Fill fill) {
   auto map = std::make_shared<MapImage>(shape);
   MapWords words(serial, name, shape.columns);
-  for (int r = 0; r < shape.rows; ++r) {
-    const std::vector<std::uint32_t>& row_words = words.row(r);
-    const std::span<float> pixels = map->row(r);
-    for (std::size_t c = 0; c < pixels.size(); ++c) pixels[c] = value(row_words[c]);
-  }
+  for (int r = 0; r < shape.rows; ++r) fill(words.row(r), map->row(r));
   return map;
 }
 
@@ -47,11 +43,12 @@ QcmosMaps draw_qcmos_maps(const QcmosDescription& description, const std::string
   QcmosMaps maps;
 
   const auto pixel_sigma = static_cast<float>(description.offset_sigma_counts);
-  const auto offset = pixel_sigma == 0 ? std::make_shared<OffsetMap>(shape)
-                                       : draw_map<OffsetMap>(shape, serial, "sensor/offset",
-                                                             [pixel_sigma](std::uint32_t word) {
-                                                               return pixel_sigma * word_laws::normal(word);
-                                                             });
+  const auto offset =
+      draw_map<OffsetMap>(shape, serial, "sensor/offset", [&](const auto& words, auto pixels) {
+        if (pixel_sigma == 0) return;
+        row_loops::normal_row(words, pixels);
+        for (float& pixel : pixels) pixel *= pixel_sigma;
+      });
   if (description.column_gumbel_counts != 0 || description.row_offset_sigma_counts != 0) {
     const std::vector<std::uint32_t> column_words =
         MapWords(serial, "sensor/column_offset", shape.columns).row(0);
@@ -69,19 +66,20 @@ QcmosMaps draw_qcmos_maps(const QcmosDescription& description, const std::string
   maps.offset_counts = offset;
 
   const auto gain_sigma = static_cast<float>(description.gain_sigma);
-  maps.gain_ratio = draw_map<RatioMap>(shape, serial, "sensor/gain", [gain_sigma](std::uint32_t word) {
-    return std::fmax(1.0f + gain_sigma * word_laws::normal(word), 0.01f);
+  maps.gain_ratio = draw_map<RatioMap>(shape, serial, "sensor/gain", [&](const auto& words, auto pixels) {
+    row_loops::normal_row(words, pixels);
+    for (float& pixel : pixels) pixel = std::max(1.0f + gain_sigma * pixel, 0.01f);
   });
 
-  const double s = description.read_noise_log_sigma;
-  maps.read_noise_ratio = draw_map<RatioMap>(shape, serial, "sensor/read_noise_map", [s](std::uint32_t word) {
-    return static_cast<float>(math::exp(s * static_cast<double>(word_laws::normal(word)) - s * s));
-  });
+  const auto s = static_cast<float>(description.read_noise_log_sigma);
+  maps.read_noise_ratio = draw_map<RatioMap>(
+      shape, serial, "sensor/read_noise_map",
+      [&](const auto& words, auto pixels) { row_loops::log_normal_row(words, s, -s * s, pixels); });
 
   const double dark_shape = description.dark_gamma_shape;
   if (dark_shape == 1) {  // an exponential law, one word each
-    maps.dark_ratio = draw_map<RatioMap>(shape, serial, "sensor/dark", [](std::uint32_t word) {
-      return -word_laws::log((static_cast<float>(word) + 0.5f) * 0x1p-32f);
+    maps.dark_ratio = draw_map<RatioMap>(shape, serial, "sensor/dark", [](const auto& words, auto pixels) {
+      row_loops::exponential_row(words, pixels);
     });
   } else {
     const auto dark = std::make_shared<RatioMap>(shape);

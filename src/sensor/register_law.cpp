@@ -111,6 +111,7 @@ RegisterLaw::RegisterLaw(double gain, int stages) : gain_(gain), p_(duplication(
     const std::array<double, 1> certain{1.0};
     powers_.assign(19, AliasTable(certain, 0));
     serial_ = AliasTable(certain, 0);
+    largest_exact_ = (1 << powers_.size()) - 1;
     return;
   }
   // Cumulants of a stage, carried through the stages: K_out(t) = K_in(K_stage(t)).
@@ -130,6 +131,7 @@ RegisterLaw::RegisterLaw(double gain, int stages) : gain_(gain), p_(duplication(
     powers_.push_back(table_of(laws.one));
     square(laws.one);
   }
+  largest_exact_ = (1 << powers_.size()) - 1;
 }
 
 float RegisterLaw::draw_large(std::int32_t electrons, RandomStream& random) const {

@@ -31,19 +31,21 @@ class RegisterLaw {
   const std::array<double, 3>& cumulants() const { return cumulants_; }
   double excess_noise_factor() const { return 1 + cumulants_[1] / (gain_ * gain_); }
   /// Largest number of electrons whose output is drawn from the exact law.
-  std::int32_t largest_exact() const { return static_cast<std::int32_t>((1u << powers_.size()) - 1); }
+  std::int32_t largest_exact() const { return largest_exact_; }
 
   /// Words that draw() takes for this number of electrons.
   std::size_t words_for(std::int32_t electrons) const {
-    return electrons > largest_exact()
-               ? 0
-               : static_cast<std::size_t>(std::popcount(static_cast<std::uint32_t>(electrons)));
+    if (electrons > largest_exact_) return 0;
+    // A table for the common ones: the baseline instruction set cannot count bits.
+    static constexpr std::uint8_t ones[16] = {0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4};
+    if (electrons < 256) return static_cast<std::size_t>(ones[electrons & 15] + ones[electrons >> 4]);
+    return static_cast<std::size_t>(std::popcount(static_cast<std::uint32_t>(electrons)));
   }
   /// Output of `electrons` >= 0: `words` gives one word per binary digit one, `large` what the gamma law
   /// needs.
   template <class Words>
   float draw(std::int32_t electrons, Words& words, RandomStream& large) const {
-    if (electrons > largest_exact()) return draw_large(electrons, large);
+    if (electrons > largest_exact_) return draw_large(electrons, large);
     std::int32_t output = electrons;
     for (std::uint32_t digits = static_cast<std::uint32_t>(electrons), power = 0; digits != 0;
          digits >>= 1, ++power)
@@ -64,6 +66,7 @@ class RegisterLaw {
   double p_;
   std::array<double, 3> cumulants_;
   double serial_mean_;
+  std::int32_t largest_exact_ = 0;
   std::vector<AliasTable> powers_;  // extra electrons of 2^i electrons
   AliasTable serial_;               // extra electrons of a serial charge
 };

@@ -63,15 +63,12 @@ HWY_INLINE VF polynomial(VF x, const float (&coefficients)[size]) {
 
 // The laws of word_laws.hpp, operation by operation.
 
-HWY_INLINE VF log_series(VF f) {
-  const F d;
-  const VF r = polynomial(f, {0.0904878443f, -0.140308922f, 0.147038992f, -0.166027188f, 0.199842232f,
-                              -0.250007026f, 0.333334154f});
-  const VF q = hn::Mul(f, f);
-  return hn::Add(f, hn::Sub(hn::Mul(q, hn::Mul(r, f)), hn::Mul(hn::Set(d, 0.5f), q)));
+/// a x + b
+HWY_INLINE VF line(float a, VF x, float b) {
+  return hn::Add(hn::Mul(hn::Set(F(), a), x), hn::Set(F(), b));
 }
 
-HWY_INLINE VF log(VF x) {
+HWY_INLINE VF minus_log(VF x) {
   const F d;
   const I i;
   const VI origin = hn::Set(i, 0x3f3504f3);
@@ -79,46 +76,74 @@ HWY_INLINE VF log(VF x) {
   const VF k = hn::ConvertTo(d, hn::ShiftRight<23>(bits));
   const VF f =
       hn::Sub(hn::BitCast(d, hn::Add(hn::And(bits, hn::Set(i, 0x007fffff)), origin)), hn::Set(d, 1.0f));
-  return hn::Add(hn::Mul(k, hn::Set(d, 0.693147182f)), log_series(f));
-}
-
-/// The probability of the word's tail; `sign`: all ones where it is the upper half.
-HWY_INLINE VF signed_tail(VU word, VI& sign) {
-  const F d;
-  const I i;
-  sign = hn::ShiftRight<31>(hn::BitCast(i, word));
-  const VF m = hn::ConvertTo(d, hn::Xor(hn::BitCast(i, word), sign));
-  return hn::Mul(hn::Add(m, hn::Set(d, 0.5f)), hn::Set(d, 0x1p-32f));
+  const VF f2 = hn::Mul(f, f), f4 = hn::Mul(f2, f2);
+  const VF low =
+      hn::Add(line(0.500003751f, f, -0.999999968f), hn::Mul(line(0.249689070f, f, -0.333346060f), f2));
+  const VF high =
+      hn::Add(line(0.172782061f, f, -0.199133479f), hn::Mul(line(0.0989535074f, f, -0.161262479f), f2));
+  return hn::Sub(hn::Mul(f, hn::Add(low, hn::Mul(high, f4))), hn::Mul(k, hn::Set(d, 0.693147182f)));
 }
 
 HWY_INLINE VF normal(VU word) {
   const F d;
-  VI sign;
-  const VF q = signed_tail(word, sign);
-  const VF x = hn::Sub(hn::Set(d, 1.0f), hn::Mul(hn::Set(d, 2.0f), q));
-  const VF w = hn::Neg(log(hn::Mul(q, hn::Sub(hn::Set(d, 4.0f), hn::Mul(hn::Set(d, 4.0f), q)))));
-  VF p = polynomial(hn::Sub(w, hn::Set(d, 2.5f)),
-                    {3.19696803e-8f, 4.83978825e-7f, -4.88579604e-6f, -6.19474573e-6f, 3.08741177e-4f,
-                     -1.77308282e-3f, -5.9076601e-3f, 3.48802717e-1f, 2.12331347f});
-  const auto central = hn::Lt(w, hn::Set(d, 5.0f));
-  if (HWY_UNLIKELY(!hn::AllTrue(d, central))) {
-    const VF tail = polynomial(hn::Sub(hn::Sqrt(w), hn::Set(d, 3.5f)),
-                               {6.54243164e-6f, -2.52637681e-4f, 7.63966229e-4f, -1.06850313e-3f,
-                                1.4590706e-3f, -2.8659057e-3f, 4.65035662e-3f, 1.42462826f, 4.71708871f});
-    p = hn::IfThenElse(central, p, tail);
+  const I i;
+  const VI sign = hn::ShiftRight<31>(hn::BitCast(i, word));
+  const VI m = hn::Xor(hn::BitCast(i, word), sign);
+  const VF n = hn::Add(hn::ConvertTo(d, m), hn::Set(d, 0.5f));
+  const VF x = hn::Sub(hn::Set(d, 1.0f), hn::Mul(n, hn::Set(d, 0x1p-31f)));
+  const VF w = minus_log(hn::Mul(n, hn::Sub(hn::Set(d, 0x1p-30f), hn::Mul(n, hn::Set(d, 0x1p-62f)))));
+  const VF u = hn::Sub(w, hn::Set(d, 2.5f)), u2 = hn::Mul(u, u), u4 = hn::Mul(u2, u2);
+  const VF low =
+      hn::Add(line(3.48802717e-1f, u, 2.12331347f), hn::Mul(line(-1.77308282e-3f, u, -5.9076601e-3f), u2));
+  const VF high = hn::Add(line(-6.19474573e-6f, u, 3.08741177e-4f),
+                          hn::Mul(line(4.83978825e-7f, u, -4.88579604e-6f), u2));
+  VF p = hn::Add(hn::Add(low, hn::Mul(high, u4)), hn::Mul(hn::Set(d, 3.19696803e-8f), hn::Mul(u4, u4)));
+  const auto central = hn::Gt(m, hn::Set(i, word_laws::first_tail_word));
+  if (HWY_UNLIKELY(!hn::AllTrue(i, central))) {
+    const VF v = hn::Sub(hn::Sqrt(w), hn::Set(d, 3.5f)), v2 = hn::Mul(v, v), v4 = hn::Mul(v2, v2);
+    const VF tail_low =
+        hn::Add(line(1.42462826f, v, 4.71708871f), hn::Mul(line(-2.8659057e-3f, v, 4.65035662e-3f), v2));
+    const VF tail_high = hn::Add(line(-1.06850313e-3f, v, 1.4590706e-3f),
+                                 hn::Mul(line(-2.52637681e-4f, v, 7.63966229e-4f), v2));
+    const VF tail = hn::Add(hn::Add(tail_low, hn::Mul(tail_high, v4)),
+                            hn::Mul(hn::Set(d, 6.54243164e-6f), hn::Mul(v4, v4)));
+    p = hn::IfThenElse(hn::RebindMask(d, central), p, tail);
   }
   return hn::Xor(hn::Mul(x, p), hn::And(hn::BitCast(d, sign), hn::Set(d, -0.0f)));
 }
 
+/// The upper 31 bits of the word as a number in (0, 1].
+HWY_INLINE VF fraction(VU word) {
+  const F d;
+  const VF m = hn::ConvertTo(d, hn::BitCast(I(), hn::ShiftRight<1>(word)));
+  return hn::Mul(hn::Add(m, hn::Set(d, 0.5f)), hn::Set(d, 0x1p-31f));
+}
+
 HWY_INLINE VF gumbel(VU word) {
   const F d;
-  VI sign;
-  const VF q = signed_tail(word, sign);
-  const auto upper = hn::MaskFromVec(hn::BitCast(d, sign));
-  const VF plain_log = log(hn::IfThenElse(upper, hn::Sub(hn::Set(d, 1.0f), q), q));
-  const auto near_one = hn::And(upper, hn::Lt(q, hn::Set(d, 0.29f)));
-  const VF minus_log = hn::Neg(hn::IfThenElse(near_one, log_series(hn::Neg(q)), plain_log));
-  return hn::Sub(hn::Neg(log(minus_log)), hn::Set(d, 0.577215665f));
+  const VF q = hn::Min(fraction(word), hn::Set(d, 0.99999994f));
+  const VF u = hn::Sub(hn::Set(d, 1.0f), q);
+  const VF exponential = hn::Add(hn::Sub(q, hn::Sub(hn::Set(d, 1.0f), u)), minus_log(u));
+  return hn::Sub(minus_log(exponential), hn::Set(d, 0.577215665f));
+}
+
+HWY_INLINE VF exp(VF x) {
+  const F d;
+  const I i;
+  const VI k = hn::NearestInt(hn::Mul(x, hn::Set(d, 1.44269504f)));
+  const VF kf = hn::ConvertTo(d, k);
+  const VF r =
+      hn::Sub(hn::Sub(x, hn::Mul(kf, hn::Set(d, 0.693145752f))), hn::Mul(kf, hn::Set(d, 1.42860677e-6f)));
+  const VF p = polynomial(r, {1.0f / 5040, 1.0f / 720, 1.0f / 120, 1.0f / 24, 1.0f / 6, 0.5f, 1.0f, 1.0f});
+  return hn::Mul(p, hn::BitCast(d, hn::ShiftLeft<23>(hn::Add(k, hn::Set(i, 127)))));
+}
+
+template <class Number>
+HWY_INLINE VF load_fixed(const FixedRow<Number>& row, std::size_t c) {
+  const F d;
+  const hn::Rebind<Number, F> narrow;
+  return hn::Mul(hn::ConvertTo(d, hn::PromoteTo(I(), hn::LoadU(narrow, row.numbers + c))),
+                 hn::Set(d, row.scale));
 }
 
 HWY_INLINE VF emccd_analog_vector(const EmccdConversion& conversion, VF output_e,
@@ -136,19 +161,20 @@ HWY_INLINE VF qcmos_analog_vector(const QcmosConversion& conversion, std::size_t
   if (flicker != nullptr)
     electrons = hn::Add(electrons,
                         hn::Mul(gumbel(hn::LoadU(U(), flicker + c)), hn::Set(d, conversion.flicker_noise_e)));
-  const VF sigma =
-      hn::Mul(hn::LoadU(d, conversion.read_noise_ratio + c), hn::Set(d, conversion.read_noise_e));
+  const VF sigma = hn::Mul(load_fixed(conversion.read_noise_ratio, c), hn::Set(d, conversion.read_noise_e));
   electrons = hn::Add(electrons, hn::Mul(normal(hn::LoadU(U(), noise + c)), sigma));
-  const VF zero = hn::Add(hn::Set(d, conversion.bias_counts), hn::LoadU(d, conversion.offset_counts + c));
-  const VF slope = hn::Mul(hn::LoadU(d, conversion.gain_ratio + c), hn::Set(d, conversion.counts_per_e));
+  const VF zero = hn::Add(hn::Set(d, conversion.bias_counts), load_fixed(conversion.offset_counts, c));
+  const VF slope = hn::Mul(load_fixed(conversion.gain_ratio, c), hn::Set(d, conversion.counts_per_e));
   return hn::Add(zero, hn::Mul(electrons, slope));
 }
 
 HWY_INLINE void store_counts(VF analog_counts, float largest, std::uint16_t* counts) {
   const F d;
   const VF clipped = hn::Min(hn::Max(analog_counts, hn::Zero(d)), hn::Set(d, largest));
+  // Added to 2^23 the number is rounded, ties to even, into the lower bits.
+  const VI rounded = hn::BitCast(I(), hn::Add(clipped, hn::Set(d, 0x1p23f)));
   const hn::Rebind<std::uint16_t, F> d16;
-  hn::StoreU(hn::DemoteTo(d16, hn::NearestInt(clipped)), d16, counts);
+  hn::StoreU(hn::DemoteTo(d16, hn::Sub(rounded, hn::Set(I(), 0x4b000000))), d16, counts);
 }
 
 #endif
@@ -254,24 +280,65 @@ bool count_thresholds_loop(const std::uint32_t* words, const std::uint16_t* thre
 }
 
 std::size_t spread_electrons_loop(const std::int32_t* electrons, float well_e, float* output_e,
-                                  std::int32_t* columns_with, std::size_t columns) {
+                                  std::int32_t* packet_columns, std::int32_t* packet_electrons,
+                                  std::size_t columns) {
   std::size_t c = 0, found = 0;
 #if ATOMCAM_ROW_VECTORS
   const F d;
   const I i;
+  VI column = hn::Iota(i, 0);
   for (; c + hn::Lanes(d) <= columns; c += hn::Lanes(d)) {
     const VI n = hn::LoadU(i, electrons + c);
     hn::StoreU(hn::Min(hn::ConvertTo(d, n), hn::Set(d, well_e)), d, output_e + c);
-    found += hn::CompressStore(hn::Iota(i, static_cast<std::int32_t>(c)), hn::Gt(n, hn::Zero(i)), i,
-                               columns_with + found);
+    // Whole vectors, of which the front part counts: the lists have room for it.
+    const auto filled = hn::Gt(n, hn::Zero(i));
+    hn::StoreU(hn::Compress(column, filled), i, packet_columns + found);
+    hn::StoreU(hn::Compress(n, filled), i, packet_electrons + found);
+    found += hn::CountTrue(i, filled);
+    column = hn::Add(column, hn::Set(i, static_cast<std::int32_t>(hn::Lanes(i))));
   }
 #endif
   for (; c < columns; ++c) {
     output_e[c] = std::min(static_cast<float>(electrons[c]), well_e);
-    columns_with[found] = static_cast<std::int32_t>(c);
+    packet_columns[found] = static_cast<std::int32_t>(c);
+    packet_electrons[found] = electrons[c];
     found += electrons[c] > 0 ? 1 : 0;
   }
   return found;
+}
+
+void normal_row_loop(const std::uint32_t* words, float* values, std::size_t count) {
+  std::size_t c = 0;
+#if ATOMCAM_ROW_VECTORS
+  const F d;
+  for (; c + hn::Lanes(d) <= count; c += hn::Lanes(d))
+    hn::StoreU(normal(hn::LoadU(U(), words + c)), d, values + c);
+#endif
+  for (; c < count; ++c) values[c] = word_laws::normal(words[c]);
+}
+
+void log_normal_row_loop(const std::uint32_t* words, float scale, float shift, float* values,
+                         std::size_t count) {
+  std::size_t c = 0;
+#if ATOMCAM_ROW_VECTORS
+  const F d;
+  for (; c + hn::Lanes(d) <= count; c += hn::Lanes(d)) {
+    const VF exponent =
+        hn::Add(hn::Mul(hn::Set(d, scale), normal(hn::LoadU(U(), words + c))), hn::Set(d, shift));
+    hn::StoreU(exp(exponent), d, values + c);
+  }
+#endif
+  for (; c < count; ++c) values[c] = word_laws::exp(scale * word_laws::normal(words[c]) + shift);
+}
+
+void exponential_row_loop(const std::uint32_t* words, float* values, std::size_t count) {
+  std::size_t c = 0;
+#if ATOMCAM_ROW_VECTORS
+  const F d;
+  for (; c + hn::Lanes(d) <= count; c += hn::Lanes(d))
+    hn::StoreU(minus_log(fraction(hn::LoadU(U(), words + c))), d, values + c);
+#endif
+  for (; c < count; ++c) values[c] = word_laws::minus_log(word_laws::fraction(words[c]));
 }
 
 void clip_loop(std::int32_t largest, std::int32_t* electrons, std::size_t columns) {
@@ -300,6 +367,9 @@ HWY_EXPORT(digitise_loop);
 HWY_EXPORT(count_thresholds_loop);
 HWY_EXPORT(spread_electrons_loop);
 HWY_EXPORT(clip_loop);
+HWY_EXPORT(normal_row_loop);
+HWY_EXPORT(log_normal_row_loop);
+HWY_EXPORT(exponential_row_loop);
 
 void emccd_amplify(const EmccdConversion& conversion, std::span<const float> output_e,
                    const std::uint32_t* noise, std::span<float> analog_counts) {
@@ -336,10 +406,26 @@ bool count_thresholds(const std::uint32_t* words, std::span<const std::uint16_t>
                                                      numbers.data(), numbers.size());
 }
 
-std::size_t spread_electrons(std::span<const std::int32_t> electrons, float well_e, std::span<float> output_e,
-                             std::int32_t* columns) {
-  return HWY_DYNAMIC_DISPATCH(spread_electrons_loop)(electrons.data(), well_e, output_e.data(), columns,
-                                                     electrons.size());
+void spread_electrons(std::span<const std::int32_t> electrons, float well_e, std::span<float> output_e,
+                      Packets& packets) {
+  constexpr std::size_t widest_vector = 16;
+  packets.columns.resize(electrons.size() + widest_vector);
+  packets.electrons.resize(electrons.size() + widest_vector);
+  packets.count = HWY_DYNAMIC_DISPATCH(spread_electrons_loop)(electrons.data(), well_e, output_e.data(),
+                                                              packets.columns.data(),
+                                                              packets.electrons.data(), electrons.size());
+}
+
+void normal_row(std::span<const std::uint32_t> words, std::span<float> values) {
+  HWY_DYNAMIC_DISPATCH(normal_row_loop)(words.data(), values.data(), values.size());
+}
+
+void log_normal_row(std::span<const std::uint32_t> words, float scale, float shift, std::span<float> values) {
+  HWY_DYNAMIC_DISPATCH(log_normal_row_loop)(words.data(), scale, shift, values.data(), values.size());
+}
+
+void exponential_row(std::span<const std::uint32_t> words, std::span<float> values) {
+  HWY_DYNAMIC_DISPATCH(exponential_row_loop)(words.data(), values.data(), values.size());
 }
 
 void clip(std::int32_t largest, std::span<std::int32_t> electrons) {

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <span>
+#include <vector>
 
 namespace atomcam::row_loops {
 
@@ -15,6 +16,14 @@ struct EmccdConversion {
   float largest_count = 65535;
 };
 
+/// A row of a map in fixed point: value = number * scale. Half the memory traffic of single precision.
+template <class Number>
+struct FixedRow {
+  const Number* numbers = nullptr;
+  float scale = 1;
+  float operator[](std::size_t c) const { return static_cast<float>(numbers[c]) * scale; }
+};
+
 /// Conversion of a qCMOS row; the maps are those of the row's pixels.
 struct QcmosConversion {
   float bias_counts = 0;
@@ -23,9 +32,9 @@ struct QcmosConversion {
   float row_noise_e = 0;   // this row's, this frame's
   float flicker_noise_e = 0;
   float largest_count = 65535;
-  const float* offset_counts = nullptr;
-  const float* gain_ratio = nullptr;
-  const float* read_noise_ratio = nullptr;
+  FixedRow<std::int16_t> offset_counts;
+  FixedRow<std::uint16_t> gain_ratio;
+  FixedRow<std::uint16_t> read_noise_ratio;
 };
 
 // Pointers `noise` and `flicker` are to the row's random words, one per pixel; `flicker` is null without that
@@ -50,9 +59,19 @@ void qcmos_convert(const QcmosConversion& conversion, std::span<const std::int32
 bool count_thresholds(const std::uint32_t* words, std::span<const std::uint16_t> thresholds,
                       std::span<std::int32_t> numbers);
 
-/// output_e = min(electrons, well) as numbers; lists the columns that hold electrons. Returns how many.
-std::size_t spread_electrons(std::span<const std::int32_t> electrons, float well_e, std::span<float> output_e,
-                             std::int32_t* columns);
+/// Pixels that hold electrons.
+struct Packets {
+  std::vector<std::int32_t> columns, electrons;
+  std::size_t count = 0;
+};
+/// output_e = min(electrons, well) as numbers; lists the pixels that hold electrons.
+void spread_electrons(std::span<const std::int32_t> electrons, float well_e, std::span<float> output_e,
+                      Packets& packets);
+
+/// Word laws of every word, for maps: normal numbers; exp(scale * normal + shift); -ln of a uniform number.
+void normal_row(std::span<const std::uint32_t> words, std::span<float> values);
+void log_normal_row(std::span<const std::uint32_t> words, float scale, float shift, std::span<float> values);
+void exponential_row(std::span<const std::uint32_t> words, std::span<float> values);
 
 void clip(std::int32_t largest, std::span<std::int32_t> electrons);
 

@@ -48,8 +48,11 @@ UniformPoisson::UniformPoisson(double mean) : mean_(mean) {
     if (threshold >= std::uint64_t{1} << 48) break;
     thresholds_.push_back(threshold);
   }
-  for (const std::uint64_t threshold : thresholds_)
+  // No 16 bits lie above 65535: one such threshold does, to say that 65535 itself is undecided.
+  for (const std::uint64_t threshold : thresholds_) {
     coarse_thresholds_.push_back(static_cast<std::uint16_t>(threshold >> 32));
+    if (coarse_thresholds_.back() == 0xffff) break;
+  }
 }
 
 UniformPoisson::Keys UniformPoisson::keys(std::uint64_t seed, std::string_view stream) {

@@ -67,19 +67,20 @@ Spectrum spectrum(double p, int stages, std::size_t size) {
   return result;
 }
 
-std::vector<double> law_of(const std::vector<std::complex<double>>& half) {
-  const std::size_t size = 2 * (half.size() - 1);
+/// The law on 0..size-1 from half of the roots of some multiple of `size`: every so many of them are enough.
+std::vector<double> law_of(const std::vector<std::complex<double>>& half, std::size_t size) {
+  const std::size_t stride = 2 * (half.size() - 1) / size;
   std::vector<std::complex<double>> value(size);
-  for (std::size_t m = 0; m < half.size(); ++m) value[m] = half[m];
-  for (std::size_t m = half.size(); m < size; ++m) value[m] = std::conj(half[size - m]);
+  for (std::size_t m = 0; m <= size / 2; ++m) value[m] = half[m * stride];
+  for (std::size_t m = size / 2 + 1; m < size; ++m) value[m] = std::conj(value[size - m]);
   fourier_transform(value);
   std::vector<double> law(size);
   for (std::size_t k = 0; k < size; ++k) law[k] = std::max(value[k].real() / static_cast<double>(size), 0.0);
   return law;
 }
 
-AliasTable table_of(const std::vector<std::complex<double>>& half) {
-  std::vector<double> cumulative = law_of(half);
+AliasTable table_of(const std::vector<std::complex<double>>& half, std::size_t size) {
+  std::vector<double> cumulative = law_of(half, size);
   double total = 0;
   for (double& p : cumulative) p = total += p;
   for (double& p : cumulative) p /= total;
@@ -126,9 +127,9 @@ RegisterLaw::RegisterLaw(double gain, int stages) : gain_(gain), p_(duplication(
 
   const int powers = exact_powers(gain);
   Spectrum laws = spectrum(p_, stages, law_size(gain, powers - 1));
-  serial_ = table_of(laws.serial);
+  serial_ = table_of(laws.serial, law_size(gain, 0));
   for (int power = 0; power < powers; ++power) {
-    powers_.push_back(table_of(laws.one));
+    powers_.push_back(table_of(laws.one, law_size(gain, power)));
     square(laws.one);
   }
   largest_exact_ = (1 << powers_.size()) - 1;
@@ -144,11 +145,10 @@ float RegisterLaw::draw_large(std::int32_t electrons, RandomStream& random) cons
 }
 
 std::vector<double> RegisterLaw::extra_law(double gain, int stages, int power) {
-  std::vector<std::complex<double>> one =
-      spectrum(duplication(gain, stages), stages, law_size(gain, std::max(power, exact_powers(gain) - 1)))
-          .one;
+  const std::size_t size = law_size(gain, power);
+  std::vector<std::complex<double>> one = spectrum(duplication(gain, stages), stages, size).one;
   for (int i = 0; i < power; ++i) square(one);
-  return law_of(one);
+  return law_of(one, size);
 }
 
 }  // namespace atomcam

@@ -2,7 +2,8 @@
 # frame has the same bits on every instruction set), sanitizers of the preset.
 add_library(atomcam_options INTERFACE)
 target_compile_options(atomcam_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow
-                                                 -Werror -ffp-contract=off)
+                                                 -Werror -ffp-contract=off
+                                                 $<$<CXX_COMPILER_ID:Clang>:-Wno-unknown-pragmas>)
 target_include_directories(atomcam_options INTERFACE ${PROJECT_SOURCE_DIR}/src)
 target_link_libraries(atomcam_options INTERFACE Threads::Threads fmt::fmt)
 if(ATOMCAM_SANITIZE)

@@ -13,6 +13,20 @@ struct Step {
 constexpr std::array<Step, 8> neighbours = {
     {{-1, -1}, {0, -1}, {1, -1}, {-1, 0}, {1, 0}, {-1, 1}, {0, 1}, {1, 1}}};
 
+/// The two middle ones of eight values: a sorting network (Batcher's, 19 comparators), so without branches.
+std::uint32_t middle_sum(std::array<std::uint16_t, 8> v) {
+  constexpr std::uint8_t network[19][2] = {{0, 1}, {2, 3}, {4, 5}, {6, 7}, {0, 2}, {1, 3}, {4, 6},
+                                           {5, 7}, {1, 2}, {5, 6}, {0, 4}, {1, 5}, {2, 6}, {3, 7},
+                                           {2, 4}, {3, 5}, {1, 2}, {3, 4}, {5, 6}};
+#pragma GCC unroll 19
+  for (const auto& [a, b] : network) {
+    const std::uint16_t low = std::min(v[a], v[b]), high = std::max(v[a], v[b]);
+    v[a] = low;
+    v[b] = high;
+  }
+  return std::uint32_t{v[3]} + v[4];
+}
+
 }  // namespace
 
 std::vector<Defect> find_defects(const FixedMap<std::uint16_t>& read_noise_ratio, const RatioMap& dark_ratio,
@@ -52,6 +66,16 @@ void correct_defects(const std::vector<Defect>& defects, const Region& region, C
   for (auto defect = begin; defect != end; ++defect) {
     const int row = defect->row - region.offset_y, column = defect->column - region.offset_x;
     if (column < 0 || column >= image.columns()) continue;
+    if (defect->good == 0xff && row > 0 && column > 0 && row + 1 < image.rows() &&
+        column + 1 < image.columns()) {
+      const std::uint16_t* above_it = &image(row - 1, column);
+      const std::uint16_t* beside = &image(row, column);
+      const std::uint16_t* below = &image(row + 1, column);
+      const std::uint32_t sum = middle_sum(
+          {above_it[-1], above_it[0], above_it[1], beside[-1], beside[1], below[-1], below[0], below[1]});
+      image(row, column) = static_cast<std::uint16_t>((sum + 1) / 2);
+      continue;
+    }
     std::size_t count = 0;
     for (std::size_t n = 0; n < neighbours.size(); ++n) {
       const int r = row + neighbours[n].y, c = column + neighbours[n].x;

@@ -1,313 +1,325 @@
 #include "gige/device.hpp"
 
-#include <arpa/inet.h>
 #include <fmt/format.h>
-#include <ifaddrs.h>
-#include <net/if.h>
-#include <netinet/in.h>
 #include <poll.h>
-#include <sys/ioctl.h>
-#include <sys/socket.h>
+#include <sys/eventfd.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <atomic>
-#include <cerrno>
-#include <chrono>
-#include <cstring>
+#include <cctype>
 #include <fstream>
 #include <iterator>
-#include <map>
-#include <mutex>
-#include <thread>
-#include <utility>
 
 #include "base/error.hpp"
-#include "base/random.hpp"
+#include "gige/camera_worker.hpp"
+#include "gige/control_handler.hpp"
+#include "gige/message_channel.hpp"
+#include "gige/streamer.hpp"
+#include "gige/transport_features.hpp"
+#include "gige/udp_socket.hpp"
 
 namespace atomcam::gige {
+
 namespace {
 
-constexpr int poll_ms = 20;  // how often the heartbeat and unanswered events are looked at
+constexpr std::uint32_t smallest_packet = 220;
+constexpr std::size_t longest_datagram = 65536;
 
-std::uint64_t now_ns() {
-  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(
-                                        std::chrono::steady_clock::now().time_since_epoch())
-                                        .count());
-}
-
-sockaddr_in socket_address(Endpoint endpoint) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(endpoint.address);
-  address.sin_port = htons(endpoint.port);
-  return address;
-}
-
-/// A UDP socket that closes itself.
-class Socket {
- public:
-  Socket() : descriptor_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)) {
-    if (descriptor_ < 0) throw Error("socket", std::strerror(errno));
-  }
-  ~Socket() { close(descriptor_); }
-  Socket(const Socket&) = delete;
-  Socket& operator=(const Socket&) = delete;
-  int descriptor() const { return descriptor_; }
-  bool bind_to(Endpoint endpoint) {
-    const sockaddr_in address = socket_address(endpoint);
-    return bind(descriptor_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
-  }
-  std::uint16_t port() const {
-    sockaddr_in address{};
-    socklen_t length = sizeof address;
-    getsockname(descriptor_, reinterpret_cast<sockaddr*>(&address), &length);
-    return ntohs(address.sin_port);
-  }
-  void set(int level, int option, int value) { setsockopt(descriptor_, level, option, &value, sizeof value); }
-  void send(Endpoint to, std::span<const std::uint8_t> datagram) const {
-    const sockaddr_in address = socket_address(to);
-    sendto(descriptor_, datagram.data(), datagram.size(), 0, reinterpret_cast<const sockaddr*>(&address),
-           sizeof address);
-  }
-
- private:
-  int descriptor_;
-};
-
-std::uint32_t parse_address(const std::string& text) {
-  in_addr address{};
-  if (inet_pton(AF_INET, text.c_str(), &address) != 1)
-    throw Error("address", fmt::format("'{}' is no IPv4 address, such as 127.0.0.1", text));
-  return ntohl(address.s_addr);
-}
-
-/// Mask and MTU of the interface that has the address; 127.0.0.0/8 belongs to loopback as a whole.
-InterfaceDescription describe_interface(std::uint32_t address, const std::string& serial) {
-  InterfaceDescription description;
-  description.address = address;
+// "iXon Ultra 897" -> "ixon-ultra-897"
+std::string file_name(std::string_view text) {
   std::string name;
-  ifaddrs* list = nullptr;
-  if (getifaddrs(&list) == 0) {
-    for (const ifaddrs* entry = list; entry; entry = entry->ifa_next) {
-      if (!entry->ifa_addr || entry->ifa_addr->sa_family != AF_INET || !entry->ifa_netmask) continue;
-      const std::uint32_t own = ntohl(reinterpret_cast<const sockaddr_in*>(entry->ifa_addr)->sin_addr.s_addr);
-      const std::uint32_t mask =
-          ntohl(reinterpret_cast<const sockaddr_in*>(entry->ifa_netmask)->sin_addr.s_addr);
-      const bool loopback = (entry->ifa_flags & IFF_LOOPBACK) != 0 && address >> 24 == 127;
-      if (own != address && !loopback) continue;
-      description.mask = mask;
-      name = entry->ifa_name;
-      break;
-    }
-    freeifaddrs(list);
+  for (const char letter : text) {
+    if (std::isalnum(static_cast<unsigned char>(letter)) != 0)
+      name += static_cast<char>(std::tolower(static_cast<unsigned char>(letter)));
+    else if (!name.empty() && name.back() != '-')
+      name += '-';
   }
-  if (name.empty()) description.mtu = 1500;
-  if (!name.empty()) {
-    const Socket probe;
-    ifreq request{};
-    std::strncpy(request.ifr_name, name.c_str(), sizeof request.ifr_name - 1);
-    if (ioctl(probe.descriptor(), SIOCGIFMTU, &request) == 0)
-      description.mtu = static_cast<std::uint32_t>(request.ifr_mtu);
-  }
-  // A locally administered MAC address out of the serial number.
-  const std::uint64_t hash = stream_id(serial + "/mac");
-  description.mac[0] = 0x02;
-  for (int i = 1; i < 6; ++i) description.mac[i] = static_cast<std::uint8_t>(hash >> (8 * i));
-  return description;
+  while (!name.empty() && name.back() == '-') name.pop_back();
+  return name;
 }
 
-std::string xml_of(TransportCamera& camera, const DeviceOptions& options,
-                   const InterfaceDescription& interface, std::uint32_t packet_bytes) {
-  if (options.xml_file.empty()) return camera.genicam_xml(transport_features(interface, packet_bytes));
-  std::ifstream file(options.xml_file, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  if (!file || text.empty()) throw Error(options.xml_file, "cannot be read as a GenICam XML file");
+std::string read_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string text((std::istreambuf_iterator<char>(file)), {});
+  if (!file || text.empty()) throw Error(path, "cannot be read as a GenICam description");
   return text;
 }
 
-std::string file_name(std::string model) {
-  for (char& letter : model)
-    if (!std::isalnum(static_cast<unsigned char>(letter))) letter = '-';
-  return "atomcam-" + model + ".xml";
+// Locally administered, the same at every start.
+std::uint64_t made_mac(const TransportCamera::Identity& identity, std::uint32_t address) {
+  const std::uint64_t hash = stream_id(identity.model + "/" + identity.serial + "/" + to_text(address));
+  return 0x020000000000 | (hash & 0x00ffffffffff);
+}
+
+DeviceFacts facts_of(const TransportCamera& camera, const DeviceOptions& options, std::uint32_t address) {
+  const auto interface = find_interface(address);
+  if (!interface) throw Error(options.address, "not an address of this host");
+  const TransportCamera::Identity identity = camera.identity();
+  DeviceFacts facts;
+  facts.address = address;
+  facts.mask = interface->mask;
+  facts.link_mbps = interface->link_mbps;
+  facts.mac = options.mac != 0 ? options.mac & 0xffffffffffff : made_mac(identity, address);
+
+  // Two sizes just fit what the kernel allocates for a packet (8 KiB and 16 KiB with its own part): a
+  // receiver's buffer holds as many bytes of them as can be.
+  const bool local = is_loopback(address);
+  const std::uint32_t most = local ? 16000 : interface->mtu;
+  facts.smallest_packet_bytes = smallest_packet;
+  const auto checked = [&](std::uint32_t bytes, std::uint32_t otherwise, std::uint32_t limit,
+                           const char* what) {
+    if (bytes == 0) return otherwise / packet_bytes_step * packet_bytes_step;
+    if (bytes < smallest_packet || bytes > limit || bytes % packet_bytes_step != 0)
+      throw Error(what, fmt::format("{} is not a multiple of {} from {} to {}", bytes, packet_bytes_step,
+                                    smallest_packet, limit));
+    return bytes;
+  };
+  facts.largest_packet_bytes =
+      checked(options.largest_packet_bytes, most, std::min<std::uint32_t>(interface->mtu, 65532),
+              "largest_packet_bytes");
+  facts.packet_bytes =
+      checked(options.packet_bytes, std::min<std::uint32_t>(local ? 7800 : 1500, facts.largest_packet_bytes),
+              facts.largest_packet_bytes, "packet_bytes");
+  facts.faults = options.faults;
+  facts.xml_name = fmt::format("atomcam-{}.xml", file_name(identity.model));
+  facts.xml =
+      options.xml_file.empty()
+          ? camera.genicam_xml(transport_features(facts.smallest_packet_bytes, facts.largest_packet_bytes))
+          : read_file(options.xml_file);
+  return facts;
 }
 
 }  // namespace
 
-std::string to_text(std::uint32_t address) {
-  return fmt::format("{}.{}.{}.{}", address >> 24, address >> 16 & 255, address >> 8 & 255, address & 255);
-}
-
-class Device::Body : public ControlledDevice, public FrameSink {
+class Device::Impl final : public FrameSink, public ControlActions {
  public:
-  Body(TransportCamera& camera, DeviceOptions options)
+  Impl(TransportCamera& camera, const DeviceOptions& options)
       : camera_(camera),
-        options_(std::move(options)),
-        interface_(describe_interface(parse_address(options_.address), camera.identity().serial)),
-        packet_bytes_(std::min(options_.packet_bytes, interface_.mtu) / 4 * 4) {
-    if (!control_socket_.bind_to({interface_.address, options_.port}))
-      throw Error(fmt::format("{}:{}", options_.address, options_.port),
-                  errno == EADDRINUSE ? "taken; another camera is served there, choose another address"
-                                      : fmt::format("cannot be bound: {}", std::strerror(errno)));
-    // Broadcast discovery reaches every socket that shares this address.
-    broadcast_socket_.set(SOL_SOCKET, SO_REUSEADDR, 1);
-    broadcast_socket_.bind_to({0xffffffff, options_.port});
-    message_socket_.bind_to({interface_.address, 0});
-    streamer_ = std::make_unique<Streamer>(camera_, interface_.address, options_.stream);
-    streamer_->set_faults(options_.faults);
-    control_ = std::make_unique<Control>(camera_, *this, interface_,
-                                         xml_of(camera_, options_, interface_, packet_bytes_),
-                                         file_name(camera_.identity().model), packet_bytes_, options_.faults);
-    control_->set_source_ports(streamer_->source_port(), message_socket_.port());
+        address_(parse_address("address", options.address)),
+        address_text_(to_text(address_)) {
+    DeviceFacts facts = facts_of(camera, options, address_);
+    control_.bind({address_, options.port});
+    messages_.bind({address_, 0});
+    if (options.discovery) {
+      const std::uint16_t port = control_.local().port;
+      for (const std::uint32_t broadcast : {0xffffffffu, address_ | ~facts.mask}) {
+        broadcasts_.emplace_back();
+        broadcasts_.back().bind({broadcast, port}, true);
+      }
+    }
+    streamer_ = std::make_unique<Streamer>(camera_, address_, options.stream, options.faults);
+    facts.stream_source_port = streamer_->source_port();
+    facts.message_source_port = messages_.local().port;
+    handler_.emplace(camera_, *this, std::move(facts));
+    wake_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (wake_ < 0) throw Error("eventfd", "the system grants no more");
+    worker_ = std::make_unique<CameraWorker>();
     camera_.attach(this);
     thread_ = std::thread([this] { run(); });
   }
 
-  ~Body() override {
+  ~Impl() override {
     closing_ = true;
+    wake();
     thread_.join();
-    camera_.stop_acquisition();
+    worker_.reset();
+    if (handler_->controller()) camera_.stop_acquisition();
     camera_.attach(nullptr);
+    streamer_.reset();
+    ::close(wake_);
   }
+
+  const std::string& address() const { return address_text_; }
+  std::uint16_t port() const { return control_.local().port; }
 
   Statistics statistics() const {
-    const std::lock_guard lock(client_mutex_);
-    return {.client = client_, .stream = streamer_->statistics()};
-  }
-  const std::string& address() const { return options_.address; }
-
-  // ControlledDevice, from the control thread.
-  void stream_configured(const StreamConfiguration& stream) override { streamer_->configure(stream); }
-  void faults_configured(const FaultConfiguration& faults) override { streamer_->set_faults(faults); }
-  void messages_configured(const MessageChannel& messages) override {
-    const std::lock_guard lock(message_mutex_);
-    messages_ = messages;
-    if (messages.destination.port == 0) unanswered_.clear();
-  }
-  void send_test_packet(const StreamConfiguration& stream) override { streamer_->send_test_packet(stream); }
-  void resend(const ResendRequest& request) override { streamer_->resend(request); }
-  void event_acknowledged(std::uint16_t request) override {
-    const std::lock_guard lock(message_mutex_);
-    unanswered_.erase(request);
-  }
-  void send_control(Endpoint to, std::span<const std::uint8_t> datagram) override {
-    control_socket_.send(to, datagram);
+    Statistics all;
+    all.stream = streamer_->statistics();
+    const std::lock_guard lock(mutex_);
+    all.client = client_;
+    all.destination = stream_;
+    return all;
   }
 
-  // FrameSink, from the camera's delivery thread.
+  // FrameSink
   void deliver(std::shared_ptr<const CameraFrame> frame) override { streamer_->deliver(std::move(frame)); }
-  void acquisition_started() override { streamer_->begin(); }
   void notify(const CameraEvent& event) override {
-    const std::lock_guard lock(message_mutex_);
-    if (messages_.destination.port == 0) return;
-    Bytes datagram(24);
-    const bool acknowledged = messages_.timeout_ms > 0;
-    if (++message_request_ == 0) message_request_ = 1;
-    datagram[0] = command_key;
-    datagram[1] = acknowledged ? flag_acknowledge : 0;
-    store16(datagram, 2, static_cast<std::uint16_t>(Command::event));
-    store16(datagram, 4, 16);
-    store16(datagram, 6, message_request_);
-    store16(datagram, 10, static_cast<std::uint32_t>(event_id(event.kind)));
-    store16(datagram, 12, 0xffff);  // of no stream channel in particular
-    store16(datagram, 14, static_cast<std::uint16_t>(event.frame_id));
-    store64(datagram, 16, event.timestamp_ns);
-    message_socket_.send(messages_.destination, datagram);
-    if (acknowledged && unanswered_.size() < 64)
-      unanswered_[message_request_] = {std::move(datagram), now_ns() + messages_.timeout_ms * 1000000ull,
-                                       messages_.retries};
+    {
+      const std::lock_guard lock(mutex_);
+      if (!messages_open_ || events_.size() >= 1024) return;
+      events_.push_back({event_id(event.kind), event.timestamp_ns});
+    }
+    wake();
+  }
+  void acquisition_started() override { acquiring_ = true; }
+  void acquisition_stopped() override {
+    acquiring_ = false;
+    wake();
   }
 
  private:
-  struct Unanswered {
-    Bytes datagram;
-    std::uint64_t due_ns;
-    std::uint32_t retries;
-  };
+  // ControlActions, on the control thread
+  void configure_stream(const StreamSettings& settings) override {
+    streamer_->configure(settings);
+    const std::lock_guard lock(mutex_);
+    stream_ = settings.open() ? std::optional(settings.destination) : std::nullopt;
+  }
+  void fire_test_packet(std::uint32_t packet_bytes) override { streamer_->fire_test(packet_bytes); }
+  void resend(const ResendRequest& request) override { streamer_->resend(request); }
+  void inject_faults(const FaultConfiguration& faults) override { streamer_->inject_faults(faults); }
+  void configure_messages(const MessageChannel& channel) override {
+    sender_.configure(channel);
+    const std::lock_guard lock(mutex_);
+    messages_open_ = channel.open();
+  }
+  void send_message(int event) override {
+    ControlHandler::Answers out;
+    sender_.queue(event, camera_.timestamp_ns(), Clock::now(), out);
+    send(messages_, out);
+  }
+  void stop_acquisition() override {
+    worker_->post([this] { camera_.stop_acquisition(); });
+  }
+  bool acquiring() const override { return acquiring_; }
+  Counters counters() const override {
+    const StreamStatistics stream = streamer_->statistics();
+    return {stream.resend_requests, stream.resent, stream.unavailable, stream.dropped_frames};
+  }
 
+  // The control thread: it answers, and waits for nothing but datagrams.
   void run() {
-    std::array<pollfd, 3> sockets{{{control_socket_.descriptor(), POLLIN, 0},
-                                   {broadcast_socket_.descriptor(), POLLIN, 0},
-                                   {message_socket_.descriptor(), POLLIN, 0}}};
+    std::vector<pollfd> polled{
+        {wake_, POLLIN, 0}, {control_.descriptor(), POLLIN, 0}, {messages_.descriptor(), POLLIN, 0}};
+    for (const UdpSocket& socket : broadcasts_) polled.push_back({socket.descriptor(), POLLIN, 0});
+    std::vector<std::uint8_t> buffer(longest_datagram);
     while (!closing_) {
-      poll(sockets.data(), sockets.size(), poll_ms);
-      for (pollfd& ready : sockets)
-        if (ready.revents != 0) receive(ready.fd, ready.fd == broadcast_socket_.descriptor());
-      control_->check_heartbeat(now_ns());
-      repeat_events();
-      const std::lock_guard lock(client_mutex_);
-      client_ = control_->controller();
+      ::poll(polled.data(), polled.size(), timeout_ms());
+      std::uint64_t woken = 0;
+      [[maybe_unused]] const auto got = ::read(wake_, &woken, sizeof woken);
+      ControlHandler::Answers answers, messages;
+      take_results(answers, messages);
+      // A flood on one socket must not starve the rest.
+      constexpr int at_once = 64;
+      Endpoint from;
+      for (int i = 0; i < at_once; ++i) {
+        const auto size = control_.receive(buffer, from);
+        if (!size) break;
+        handler_->receive(Bytes(buffer).first(*size), from, Clock::now(), answers);
+        start_camera_write();
+      }
+      for (int i = 0; i < at_once; ++i) {
+        const auto size = messages_.receive(buffer, from);
+        if (!size) break;
+        sender_.receive(Bytes(buffer).first(*size), Clock::now(), messages);
+      }
+      for (UdpSocket& socket : broadcasts_) {
+        for (int i = 0; i < at_once; ++i) {
+          const auto size = socket.receive(buffer, from);
+          if (!size) break;
+          const Bytes datagram = Bytes(buffer).first(*size);
+          if (for_everybody(datagram) && handler_->in_subnet(from))
+            handler_->receive(datagram, from, Clock::now(), answers);
+        }
+      }
+      handler_->tick(Clock::now(), answers);
+      sender_.tick(Clock::now(), messages);
+      start_camera_write();
+      send(control_, answers);
+      send(messages_, messages);
+      const std::lock_guard lock(mutex_);
+      client_ = handler_->controller();
     }
   }
 
-  void receive(int descriptor, bool broadcast) {
-    std::array<std::uint8_t, 2048> buffer;
-    for (int packets = 0; packets < 64; ++packets) {
-      sockaddr_in sender{};
-      socklen_t length = sizeof sender;
-      const ssize_t size = recvfrom(descriptor, buffer.data(), buffer.size(), 0,
-                                    reinterpret_cast<sockaddr*>(&sender), &length);
-      if (size < 0) return;
-      const Endpoint from{ntohl(sender.sin_addr.s_addr), ntohs(sender.sin_port)};
-      // Everyone on the cable hears a broadcast; only who can reach this address gets an answer.
-      if (broadcast && (from.address & interface_.mask) != (interface_.address & interface_.mask)) continue;
-      const auto datagram = std::span<const std::uint8_t>(buffer).first(static_cast<std::size_t>(size));
-      if (broadcast && !for_everyone(datagram)) continue;
-      const Bytes answer = control_->handle(datagram, from, now_ns());
-      if (!answer.empty()) control_socket_.send(from, answer);
-    }
-  }
-
-  static bool for_everyone(std::span<const std::uint8_t> datagram) {
-    if (datagram.size() < 8) return false;
+  static bool for_everybody(Bytes datagram) {
+    if (datagram.size() < gvcp_header_bytes) return false;
     const auto command = static_cast<Command>(load16(datagram, 2));
     return command == Command::discovery || command == Command::force_ip || command == Command::action;
   }
 
-  void repeat_events() {
-    const std::lock_guard lock(message_mutex_);
-    const std::uint64_t now = now_ns();
-    for (auto entry = unanswered_.begin(); entry != unanswered_.end();) {
-      Unanswered& event = entry->second;
-      if (now < event.due_ns) {
-        ++entry;
-      } else if (event.retries == 0) {
-        entry = unanswered_.erase(entry);
-      } else {
-        --event.retries;
-        event.due_ns = now + messages_.timeout_ms * 1000000ull;
-        message_socket_.send(messages_.destination, event.datagram);
-        ++entry;
-      }
-    }
+  int timeout_ms() const {
+    std::optional<Time> soonest = handler_->next_deadline();
+    if (const auto other = sender_.next_deadline(); other && (!soonest || *other < *soonest)) soonest = other;
+    if (!soonest) return -1;
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(*soonest - Clock::now()).count();
+    return static_cast<int>(std::clamp<std::int64_t>(left, 0, 60'000));
   }
 
+  void start_camera_write() {
+    auto write = handler_->take_camera_write();
+    if (!write) return;
+    worker_->post([this, order = std::move(*write)] {
+      const RegisterStatus status = camera_.write(order.address, order.bytes);
+      {
+        const std::lock_guard lock(mutex_);
+        written_ = status;
+      }
+      wake();
+    });
+  }
+
+  void take_results(ControlHandler::Answers& answers, ControlHandler::Answers& messages) {
+    std::optional<RegisterStatus> written;
+    std::vector<Event> events;
+    {
+      const std::lock_guard lock(mutex_);
+      written.swap(written_);
+      events.swap(events_);
+    }
+    if (written) {
+      handler_->camera_wrote(*written, Clock::now(), answers);
+      start_camera_write();
+    }
+    for (const Event& event : events) sender_.queue(event.id, event.timestamp_ns, Clock::now(), messages);
+  }
+
+  static void send(UdpSocket& socket, const ControlHandler::Answers& answers) {
+    for (const ControlHandler::Outgoing& answer : answers) socket.send(answer.bytes, answer.to);
+  }
+
+  void wake() {
+    const std::uint64_t one = 1;
+    [[maybe_unused]] const auto done = ::write(wake_, &one, sizeof one);
+  }
+
+  struct Event {
+    int id = 0;
+    std::uint64_t timestamp_ns = 0;
+  };
+
   TransportCamera& camera_;
-  DeviceOptions options_;
-  InterfaceDescription interface_;
-  std::uint32_t packet_bytes_;
-  Socket control_socket_, broadcast_socket_, message_socket_;
+  const std::uint32_t address_;
+  const std::string address_text_;
+  UdpSocket control_, messages_;
+  std::vector<UdpSocket> broadcasts_;
   std::unique_ptr<Streamer> streamer_;
-  std::unique_ptr<Control> control_;
-  mutable std::mutex client_mutex_;
-  std::optional<Endpoint> client_;
-  std::mutex message_mutex_;
-  MessageChannel messages_;
-  std::uint16_t message_request_ = 0;
-  std::map<std::uint16_t, Unanswered> unanswered_;
-  std::atomic<bool> closing_{false};
+  std::optional<ControlHandler> handler_;
+  MessageSender sender_;
+  std::unique_ptr<CameraWorker> worker_;
+  int wake_ = -1;
+  std::atomic<bool> closing_ = false, acquiring_ = false;
+
+  mutable std::mutex mutex_;
+  std::optional<Endpoint> client_, stream_;
+  std::optional<RegisterStatus> written_;
+  std::vector<Event> events_;
+  bool messages_open_ = false;
   std::thread thread_;
 };
 
-Device::Device(TransportCamera& camera, DeviceOptions options)
-    : body_(std::make_unique<Body>(camera, std::move(options))) {}
+Device::Device(TransportCamera& camera, const DeviceOptions& options)
+    : impl_(std::make_unique<Impl>(camera, options)) {}
 Device::~Device() = default;
-Device::Statistics Device::statistics() const {
-  return body_->statistics();
-}
+
 const std::string& Device::address() const {
-  return body_->address();
+  return impl_->address();
+}
+std::uint16_t Device::port() const {
+  return impl_->port();
+}
+Device::Statistics Device::statistics() const {
+  return impl_->statistics();
 }
 
 }  // namespace atomcam::gige

@@ -77,13 +77,17 @@ class Checker {
       : lab_(lab), settings_(settings), spread_(lab.optics, 0, lab.scene.atom_extent_um), model_(shape) {
     double radius = 2;
     while (radius < 16 && spread_.fraction_within(radius) < light_in_window) radius += 0.5;
-    for (const Site& site : lab.scene.sites) windows_.push_back(window(site.x_px, site.y_px, radius));
+    for (const Site& site : lab.scene.sites) {
+      windows_.push_back(window(site.x_px, site.y_px, radius));
+      inside_.push_back(light_inside(site.x_px, site.y_px));
+    }
     electrons_per_count_ = settings.electrons_per_count / settings.em_gain;
   }
 
   void add(const CountImage& counts, const FrameAtoms& truth) {
     std::ranges::fill(model_.pixels(), 0.f);
-    for (const FrameAtoms::Atom& atom : truth.atoms) add_atom(model_, atom.electrons, atom.x_px, atom.y_px);
+    for (const FrameAtoms::Atom& atom : truth.atoms)
+      add_atom(model_, atom.electrons / inside(atom.site), atom.x_px, atom.y_px);
     // What the truth does not explain, in electrons.
     for (int r = 0; r < model_.rows(); ++r) {
       const auto row = model_.row(r);
@@ -102,10 +106,11 @@ class Checker {
       const double measured = fit<2>({&window.constant, &window.atom}, window.weights, pixels)[1];
       if (at[i]) {
         ++window.filled;
-        window.electrons += at[i]->electrons;
+        const double electrons = at[i]->electrons / inside(at[i]->site);
+        window.electrons += electrons;
         window.excess += measured;
         std::ranges::transform(window.residual, pixels, window.residual.begin(), std::plus<>());
-        filled_.push_back({at[i]->electrons, measured});
+        filled_.push_back({electrons, measured});
       } else {
         ++window.vacant;
         window.empty += measured;
@@ -162,6 +167,27 @@ class Checker {
                          settings_.binning_x, settings_.binning_y);
   }
 
+  double inside(int site) const {
+    return site >= 0 && static_cast<std::size_t>(site) < inside_.size()
+               ? inside_[static_cast<std::size_t>(site)]
+               : 1;
+  }
+
+  /// Share of an atom's light that the frame holds: its electrons are counted within the frame only.
+  double light_inside(double x_px, double y_px) const {
+    const double reach = spread_.reach_px() + 1;
+    const double right = settings_.offset_x + model_.columns() * settings_.binning_x;
+    const double bottom = settings_.offset_y + model_.rows() * settings_.binning_y;
+    if (x_px - reach > settings_.offset_x && x_px + reach < right && y_px - reach > settings_.offset_y &&
+        y_px + reach < bottom)
+      return 1;
+    PhotonImage image(model_.shape());
+    add_atom(image, 1, x_px, y_px);
+    double sum = 0;
+    for (const float light : image.pixels()) sum += light;
+    return std::max(sum, 1e-3);
+  }
+
   std::optional<Window> window(double x_px, double y_px, double radius_px) const {
     const double x = (x_px + 0.5 - settings_.offset_x) / settings_.binning_x - 0.5;
     const double y = (y_px + 0.5 - settings_.offset_y) / settings_.binning_y - 0.5;
@@ -203,6 +229,7 @@ class Checker {
   PhotonImage model_;
   double electrons_per_count_ = 1;
   std::vector<std::optional<Window>> windows_;  // by site; none where it does not fit into the frame
+  std::vector<double> inside_;                  // by site
   struct Measured {
     double truth, more;
   };

@@ -11,7 +11,7 @@ namespace atomcam {
 namespace {
 
 constexpr double defocus_step_um = 0.002;
-constexpr std::size_t batch = 1024;  // photons whose random words are drawn at once
+constexpr std::size_t batch = 4096;  // photons whose random words are drawn at once
 
 float largest(const RatioMap* map) {
   if (!map) return 1;
@@ -30,11 +30,15 @@ struct BlurAxes {
   bool none() const { return major_px == 0 && minor_px == 0; }
 };
 
-/// Draws where the electrons of one emitter land, as keys row << 16 | column of the filled plane.
+constexpr std::uint32_t outside = 0xffffffff;  // key of a photon that is not seen
+
+/// Draws where the electrons of one emitter land, as keys row << 16 | column of the filled plane. Photons go
+/// through the passes below in batches; a pass that the frame does not need is left out.
 class EmitterLanding {
  public:
   EmitterLanding(const Landing& landing, float largest_response)
       : landing_(landing),
+        light_(*landing.light),
         largest_response_(largest_response),
         keys_{stream_key(landing.seed, stream_id("optics/electrons")),
               stream_key(landing.seed, stream_id("optics/landing")),
@@ -44,80 +48,45 @@ class EmitterLanding {
               stream_key(landing.seed, stream_id("optics/response"))} {}
 
   void draw(int index, std::vector<std::uint32_t>& landed) const {
-    const Emitter& emitter = (*landing_.light->emitters)[index];
+    const Emitter& emitter = (*light_.emitters)[index];
     const auto block = static_cast<std::uint32_t>(index);
     const double mean = emitter.emitted() * landing_.electrons_per_photon * largest_response_;
     if (!(mean > 0)) return;
     RandomStream count_stream(keys_.electrons, landing_.frame, block);
     const std::int64_t count = sample_poisson(count_stream, mean);
-    landed.reserve(static_cast<std::size_t>(count));
-
     const PointSpreadFunction& point_spread = landing_.point_spread->at(emitter.defocus_um);
-    const LightField& light = *landing_.light;
-    const double centre_x = emitter.x_px + light.shift_x_px, centre_y = emitter.y_px + light.shift_y_px;
+    const double centre_x = emitter.x_px + light_.shift_x_px, centre_y = emitter.y_px + light_.shift_y_px;
     const BlurAxes blur(emitter, landing_.pixels_per_um);
+    RandomStream landing_stream(keys_.landing, landing_.frame, block);
     RandomStream blur_stream(keys_.blur, landing_.frame, block);
     RandomStream halo_stream(keys_.halo, landing_.frame, block);
     RandomStream time_stream(keys_.time, landing_.frame, block);
     RandomStream response_stream(keys_.response, landing_.frame, block);
 
-    const Region& region = landing_.region;
-    const int plane_rows = landing_.plane().rows, plane_columns = landing_.plane().columns;
-    const bool binned = landing_.binning_x != 1 || landing_.binning_y != 1;
-    std::vector<std::uint32_t> words(2 * std::min<std::size_t>(static_cast<std::size_t>(count), batch));
-    std::vector<PointSpreadFunction::Displacement> displacements(words.size() / 2);
-    RandomStream landing_stream(keys_.landing, landing_.frame, block);
+    thread_local Photons photons;
     for (std::int64_t first = 0; first < count; first += static_cast<std::int64_t>(batch)) {
-      const auto photons = std::min<std::size_t>(batch, static_cast<std::size_t>(count - first));
+      photons.resize(std::min<std::size_t>(batch, static_cast<std::size_t>(count - first)));
       if (count <= static_cast<std::int64_t>(batch))
-        fill_random(keys_.landing, landing_.frame, block, std::span(words).first(2 * photons));
+        fill_random(keys_.landing, landing_.frame, block, photons.words);
       else
-        for (std::size_t i = 0; i < 2 * photons; ++i) words[i] = landing_stream();
-      point_spread.draw(std::span(words).first(2 * photons), std::span(displacements).first(photons));
-      for (std::size_t i = 0; i < photons; ++i) {
-        double x = centre_x + static_cast<double>(displacements[i].dx_px);
-        double y = centre_y + static_cast<double>(displacements[i].dy_px);
-        if (!blur.none()) {
-          const double u = blur.major_px * sample_normal(blur_stream),
-                       v = blur.minor_px * sample_normal(blur_stream);
-          x += blur.cosine * u - blur.sine * v;
-          y += blur.sine * u + blur.cosine * v;
-        }
-        if (light.halo_fraction > 0) {
-          const double share = halo_stream.uniform(), angle = halo_stream.uniform();
-          const double radius = light.halo_scale_px * sample_exponential(halo_stream);
-          if (share < light.halo_fraction) {
-            x += radius * math::cos_turns(angle);
-            y += radius * math::sin_turns(angle);
-          }
-        }
-        const double column_px = std::floor(x + 0.5) - region.offset_x,
-                     row_px = std::floor(y + 0.5) - region.offset_y;
-        const bool inside =
-            column_px >= 0 && row_px >= 0 && column_px < region.width && row_px < region.height;
-        if (!landing_.window.global()) {
-          // A rolling shutter: the photon counts if its row is open when it arrives.
-          const double time = landing_.window.light_begin_s + emitter.start_s +
-                              time_stream.uniform() * (emitter.end_s - emitter.start_s);
-          if (!inside) continue;
-          const double opens = landing_.window.row_begin_s(static_cast<int>(row_px));
-          if (time < opens || time >= opens + landing_.window.exposure_s) continue;
-        }
-        if (!inside) {
-          if (light.response_ratio) response_stream.uniform();
-          continue;
-        }
-        int row = static_cast<int>(row_px), column = static_cast<int>(column_px);
-        if (binned) {
-          row /= landing_.binning_y;
-          column /= landing_.binning_x;
-          if (row >= plane_rows || column >= plane_columns) continue;
-        }
-        if (light.response_ratio && response_stream.uniform() * static_cast<double>(largest_response_) >=
-                                        static_cast<double>((*light.response_ratio)(row, column)))
-          continue;
-        landed.push_back(static_cast<std::uint32_t>(row) << 16 | static_cast<std::uint32_t>(column));
+        for (std::uint32_t& word : photons.words) word = landing_stream();
+      point_spread.draw(photons.words, photons.displacements);
+      for (std::size_t i = 0; i < photons.size(); ++i) {
+        photons.x[i] = centre_x + static_cast<double>(photons.displacements[i].dx_px);
+        photons.y[i] = centre_y + static_cast<double>(photons.displacements[i].dy_px);
       }
+      if (!blur.none()) spread(photons, blur, blur_stream);
+      if (light_.halo_fraction > 0) scatter(photons, halo_stream);
+      find_pixels(photons);
+      if (!landing_.window.global()) close_rows(photons, emitter, time_stream);
+      if (light_.response_ratio) thin(photons, response_stream);
+      std::size_t kept = landed.size();
+      landed.resize(kept + photons.size());
+      for (const std::uint32_t key : photons.keys) {
+        landed[kept] = key;
+        kept += key != outside;
+      }
+      landed.resize(kept);
     }
   }
 
@@ -125,7 +94,80 @@ class EmitterLanding {
   struct Keys {
     PhiloxKey electrons, landing, blur, halo, time, response;
   };
+  struct Photons {
+    std::vector<std::uint32_t> words;  // two each
+    std::vector<PointSpreadFunction::Displacement> displacements;
+    std::vector<double> x, y;  // sensor pixels
+    std::vector<std::uint32_t> keys;
+    std::size_t size() const { return keys.size(); }
+    void resize(std::size_t count) {
+      words.resize(2 * count);
+      displacements.resize(count);
+      x.resize(count);
+      y.resize(count);
+      keys.resize(count);
+    }
+  };
+
+  static void spread(Photons& photons, const BlurAxes& blur, RandomStream& random) {
+    for (std::size_t i = 0; i < photons.size(); ++i) {
+      const double u = blur.major_px * sample_normal(random), v = blur.minor_px * sample_normal(random);
+      photons.x[i] += blur.cosine * u - blur.sine * v;
+      photons.y[i] += blur.sine * u + blur.cosine * v;
+    }
+  }
+
+  void scatter(Photons& photons, RandomStream& random) const {
+    for (std::size_t i = 0; i < photons.size(); ++i) {
+      const double share = random.uniform(), angle = random.uniform();
+      const double radius = light_.halo_scale_px * sample_exponential(random);
+      if (share >= light_.halo_fraction) continue;
+      photons.x[i] += radius * math::cos_turns(angle);
+      photons.y[i] += radius * math::sin_turns(angle);
+    }
+  }
+
+  void find_pixels(Photons& photons) const {
+    const Region& region = landing_.region;
+    // Pixel p covers [p - 1/2, p + 1/2); half a pixel and a large whole number make truncation a floor.
+    constexpr int lift = 1 << 20;
+    const double to_row = lift + 0.5 - region.offset_y, to_column = lift + 0.5 - region.offset_x;
+    const auto rows = static_cast<unsigned>(region.height), columns = static_cast<unsigned>(region.width);
+    const auto binning_x = static_cast<unsigned>(landing_.binning_x),
+               binning_y = static_cast<unsigned>(landing_.binning_y);
+    for (std::size_t i = 0; i < photons.size(); ++i) {
+      const auto row = static_cast<unsigned>(static_cast<int>(photons.y[i] + to_row) - lift);
+      const auto column = static_cast<unsigned>(static_cast<int>(photons.x[i] + to_column) - lift);
+      photons.keys[i] = row < rows && column < columns ? row << 16 | column : outside;
+    }
+    if (binning_x == 1 && binning_y == 1) return;
+    for (std::uint32_t& key : photons.keys)
+      if (key != outside) key = (key >> 16) / binning_y << 16 | (key & 0xffff) / binning_x;
+  }
+
+  /// A rolling shutter: a photon counts if its row is open when it arrives. (A sensor with one is not binned
+  /// here.)
+  void close_rows(Photons& photons, const Emitter& emitter, RandomStream& random) const {
+    const double begin_s = landing_.window.light_begin_s + emitter.start_s;
+    for (std::uint32_t& key : photons.keys) {
+      const double time_s = begin_s + random.uniform() * (emitter.end_s - emitter.start_s);
+      const double opens_s = landing_.window.row_begin_s(static_cast<int>(key >> 16));
+      if (time_s < opens_s || time_s >= opens_s + landing_.window.exposure_s) key = outside;
+    }
+  }
+
+  /// More photons were drawn than the most sensitive pixel sees; the others see fewer.
+  void thin(Photons& photons, RandomStream& random) const {
+    for (std::uint32_t& key : photons.keys) {
+      const double level = random.uniform() * static_cast<double>(largest_response_);
+      if (key != outside && level >= static_cast<double>((*light_.response_ratio)(
+                                         static_cast<int>(key >> 16), static_cast<int>(key & 0xffff))))
+        key = outside;
+    }
+  }
+
   const Landing& landing_;
+  const LightField& light_;
   float largest_response_;
   Keys keys_;
 };

@@ -51,7 +51,9 @@ double sample_gamma(RandomStream& random, double alpha) {
     const double t = 1 + c * z;
     if (t <= 0) continue;
     const double v = t * t * t;
-    if (math::log(random.uniform53()) < 0.5 * z * z + d - d * v + d * math::log(v)) return d * v;
+    const double u = random.uniform53(), q = z * z;
+    if (u < 1 - 0.0331 * q * q) return d * v;  // the authors' squeeze: below the exact bound, without logarithms
+    if (math::log(u) < 0.5 * q + d - d * v + d * math::log(v)) return d * v;
   }
 }
 

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
+#include <bit>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
+#include "base/error.hpp"
 #include "base/image.hpp"
 #include "sensor/row_loops.hpp"
 
@@ -19,14 +21,24 @@ class FixedMap {
   FixedMap() = default;
   template <class MapImage>
   explicit FixedMap(const MapImage& map) : shape_(map.shape()), numbers_(map.pixels().size()) {
-    constexpr float most = std::numeric_limits<Number>::max(), least = std::numeric_limits<Number>::min();
-    float largest = 0;
-    for (const float value : map.pixels()) largest = std::max(largest, std::fabs(value));
+    constexpr std::int32_t most = std::numeric_limits<Number>::max(),
+                           least = std::numeric_limits<Number>::min();
+    const std::span<const float> values = map.pixels();
+    // Integer operations on the numbers' bits: compilers vectorise these loops, and those with fmax or
+    // nearbyint not.
+    std::int32_t largest_bits = 0;
+    for (const float value : values)
+      largest_bits = std::max(largest_bits, std::bit_cast<std::int32_t>(value) & 0x7fffffff);
+    const auto largest = std::bit_cast<float>(largest_bits);
+    if (!(largest < 1e9f)) throw Error("map", "holds a value of 1e9 or more, or none at all");
     while (largest / scale_ > most) scale_ *= 2;
     while (scale_ > 0x1p-24f && largest / (scale_ / 2) <= most) scale_ /= 2;
     const float per_value = 1 / scale_;
-    for (std::size_t i = 0; i < numbers_.size(); ++i)
-      numbers_[i] = static_cast<Number>(std::nearbyint(std::clamp(map.pixels()[i] * per_value, least, most)));
+    for (std::size_t i = 0; i < numbers_.size(); ++i) {
+      // Added to 1.5 * 2^23 a number is rounded into the lower bits.
+      const std::int32_t number = std::bit_cast<std::int32_t>(values[i] * per_value + 0x1.8p23f) - 0x4b400000;
+      numbers_[i] = static_cast<Number>(std::max(number, least));
+    }
   }
 
   Shape shape() const { return shape_; }

@@ -54,7 +54,7 @@ struct DeviceFacts {
   std::uint32_t address = 0x7f000001, mask = 0xff000000;
   std::uint64_t mac = 0x020000000001;
   std::uint32_t link_mbps = 10000;
-  std::uint32_t packet_bytes = 7800, smallest_packet_bytes = 220, largest_packet_bytes = 16000;
+  std::uint32_t packet_bytes = 16000, smallest_packet_bytes = 220, largest_packet_bytes = 16000;
   std::uint16_t stream_source_port = 0, message_source_port = 0;
   std::string xml_name = "camera.xml";
   std::string xml;

@@ -79,7 +79,7 @@ DeviceFacts facts_of(const TransportCamera& camera, const DeviceOptions& options
       checked(options.largest_packet_bytes, most, std::min<std::uint32_t>(interface->mtu, 65532),
               "largest_packet_bytes");
   facts.packet_bytes =
-      checked(options.packet_bytes, std::min<std::uint32_t>(local ? 7800 : 1500, facts.largest_packet_bytes),
+      checked(options.packet_bytes, std::min<std::uint32_t>(local ? 16000 : 1500, facts.largest_packet_bytes),
               facts.largest_packet_bytes, "packet_bytes");
   facts.faults = options.faults;
   facts.xml_name = fmt::format("atomcam-{}.xml", file_name(identity.model));

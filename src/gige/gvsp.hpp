@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "camera/transport.hpp"
 #include "gige/gvcp.hpp"
@@ -41,6 +42,7 @@ struct Block {
   std::uint32_t payload_packets = 0;
   std::uint32_t sent = 0;          // packets sent so far, in order
   std::uint64_t resends_left = 0;  // packets that may still be sent again
+  std::vector<bool> wanted;        // by packet: waits to be sent again; empty: none ever did
   Time finished{};                 // when the trailer went out
 
   static Block cut(std::uint64_t id, std::shared_ptr<const CameraFrame> frame,

@@ -23,7 +23,8 @@ class Pacer {
     double duration = std::max(longest_ns, size / slowest_bytes_per_ns);
     if (period_ns != 0) duration = std::min(duration, share_ * static_cast<double>(period_ns));
     if (share_ == 0) duration = 0;
-    ns_per_byte_ = duration / size / (1 + 0.5 * static_cast<double>(backlog));
+    constexpr double haste = 0.8;
+    ns_per_byte_ = duration / size * (backlog > 0 ? haste : 1);
     delay_ns_ = delay_ns;
     slot_ = std::max(slot_, now);
   }
@@ -39,9 +40,13 @@ class Pacer {
   void sent(Time now, std::size_t packets, std::size_t bytes, bool resend) {
     const double ns = std::max(static_cast<double>(bytes) * ns_per_byte_,
                                static_cast<double>(packets) * static_cast<double>(delay_ns_));
-    constexpr double catch_up = 0.6;
+    // A client that asks for packets again is at its limit: more haste would make it lose more.
+    constexpr double catch_up = 0.7, careful_catch_up = 0.95;
+    constexpr auto memory = std::chrono::milliseconds(100);
+    if (resend) last_resend_ = now;
+    const double least = now - last_resend_ < memory ? careful_catch_up : catch_up;
     // The delay between packets is a floor that no catching up may break.
-    next_ = now + nanoseconds(std::max(catch_up * ns, static_cast<double>(packets * delay_ns_)));
+    next_ = now + nanoseconds(std::max(least * ns, static_cast<double>(packets * delay_ns_)));
     if (resend) return;
     constexpr auto most_debt = std::chrono::milliseconds(20);
     slot_ = std::max(slot_ + nanoseconds(ns), now - most_debt);
@@ -55,7 +60,7 @@ class Pacer {
   double share_;
   double ns_per_byte_ = 0;
   std::uint64_t delay_ns_ = 0;
-  Time slot_{}, next_{};
+  Time slot_{}, next_{}, last_resend_{};
 };
 
 }  // namespace atomcam::gige

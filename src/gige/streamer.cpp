@@ -131,7 +131,7 @@ void Streamer::apply(const StreamSettings& settings) {
     ring_.clear();
     late_.clear();
     requests_.clear();
-    resending_.reset();
+    wanted_.clear();
     next_block_ = 1;
     previous_dropped_ = false;
     last_frame_id_.reset();
@@ -165,24 +165,26 @@ void Streamer::run() {
       begin(std::move(frame), frames_.size(), now);
       continue;
     }
-    if (!resending_ && !requests_.empty()) {
-      resending_ = requests_.front();
-      requests_.pop_front();
+    for (; !requests_.empty(); requests_.pop_front()) want(requests_.front());
+    if (!batch_.empty()) {
+      lock.unlock();
+      flush();
+      lock.lock();
+      continue;
     }
-    if (!current_ && !resending_) {
+    if (!current_ && wanted_.empty()) {
       wake_.wait(lock);
       continue;
     }
     const bool frame_due = current_ && pacer_.due(false) <= now;
-    const bool resend_due = resending_ && pacer_.due(true) <= now;
+    const bool resend_due = !wanted_.empty() && pacer_.due(true) <= now;
     if (!frame_due && !resend_due) {
-      wake_.wait_until(lock, resending_ ? pacer_.due(true) : pacer_.due(false));
+      wake_.wait_until(lock, pacer_.due(!wanted_.empty()));
       continue;
     }
     lock.unlock();
-    // Turn about, so that neither starves.
-    resent_last_ = resend_due && !(frame_due && resent_last_);
-    if (resent_last_)
+    // What is missing first: a gap that stays open costs the client more the longer it does.
+    if (resend_due)
       send_resend_batch(now);
     else
       send_frame_batch(now);
@@ -259,45 +261,50 @@ void Streamer::send_frame_batch(Time now) {
 void Streamer::send_resend_batch(Time now) {
   const std::uint64_t packets = counted_.packets, bytes = counted_.bytes;
   const std::size_t most = pacer_.packets_at_once();
-  ResendRequest& request = *resending_;
-  const BlockPointer block =
-      request.extended_ids == settings_.extended_ids ? ring_.find(request.block) : nullptr;
-  bool done = false;
-  if (!block) {
-    const std::uint32_t count = std::min(request.last - request.first, refusals_per_request - 1) + 1;
-    for (std::uint32_t i = 0; i < count; ++i) refuse(request.block, request.first + i, false);
-    done = true;
-  } else {
-    const std::uint32_t last = std::min(request.last, block->packets() - 1);
-    std::size_t taken = 0;
-    while (request.first <= last && taken < most && batch_.takes(block->header_bytes() + block->data_bytes)) {
-      if (request.first >= block->sent) {
-        refuse(request.block, request.first, true);
-        request.first = last;
-      } else if (block->resends_left > 0) {
-        --block->resends_left;
-        emit(block, request.first, true);
-        ++counted_.resent;
-      } else if (settings_.status_2_0) {
-        batch_.add_refusal(request.extended_ids, request.block, request.first,
-                           Status::packet_temporarily_unavailable);
-        ++counted_.unavailable;
-      }
-      ++request.first;
-      ++taken;
-    }
-    done = request.first > last;
+  for (std::size_t taken = 0; taken < most && !wanted_.empty(); ++taken) {
+    const Wanted next = wanted_.front();
+    if (!batch_.takes(next.block->header_bytes() + next.block->data_bytes)) break;
+    wanted_.pop_front();
+    next.block->wanted[next.packet] = false;
+    emit(next.block, next.packet, true);
+    ++counted_.resent;
   }
-  if (done) resending_.reset();
   flush();
   pacer_.sent(now, counted_.packets - packets, counted_.bytes - bytes, true);
 }
 
-/// Codes that came with version 1.1 are told to clients that know them; "not yet" says nothing to others.
-void Streamer::refuse(std::uint64_t wire_id, std::uint32_t packet, bool not_yet) {
-  Status status = Status::packet_unavailable;
-  if (settings_.status_1_1) status = not_yet ? Status::packet_not_yet_available : Status::packet_removed;
-  if (not_yet && !settings_.status_1_1) return;
+/// Lines up the packets of a request that do not wait already, and refuses those that cannot be had. Codes of
+/// later versions are told to clients that know them.
+void Streamer::want(const ResendRequest& request) {
+  const BlockPointer block =
+      request.extended_ids == settings_.extended_ids ? ring_.find(request.block) : nullptr;
+  if (!block) {
+    const Status status = settings_.status_1_1 ? Status::packet_removed : Status::packet_unavailable;
+    const std::uint32_t count = std::min(request.last - request.first, refusals_per_request - 1) + 1;
+    for (std::uint32_t i = 0; i < count; ++i) refuse(request.block, request.first + i, status);
+    return;
+  }
+  if (block->wanted.empty()) block->wanted.resize(block->packets());
+  const std::uint32_t end = std::min(request.last, block->packets() - 1) + 1;
+  for (std::uint32_t packet = request.first; packet < end; ++packet) {
+    if (packet >= block->sent) {
+      // It will come by itself.
+      if (settings_.status_1_1) refuse(request.block, packet, Status::packet_not_yet_available);
+      return;
+    }
+    if (block->wanted[packet]) continue;
+    if (block->resends_left == 0) {
+      if (settings_.status_2_0) refuse(request.block, packet, Status::packet_temporarily_unavailable);
+      return;
+    }
+    --block->resends_left;
+    block->wanted[packet] = true;
+    wanted_.push_back({block, packet});
+  }
+}
+
+void Streamer::refuse(std::uint64_t wire_id, std::uint32_t packet, Status status) {
+  if (!batch_.takes(20)) return;
   batch_.add_refusal(settings_.extended_ids, wire_id, packet, status);
   ++counted_.unavailable;
 }

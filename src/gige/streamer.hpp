@@ -65,7 +65,8 @@ class Streamer {
   void send_resend_batch(Time now);
   void emit(const BlockPointer& block, std::uint32_t packet, bool resent);
   void put(const BlockPointer& block, std::uint32_t packet, bool resent);
-  void refuse(std::uint64_t wire_id, std::uint32_t packet, bool not_yet);
+  void want(const ResendRequest& request);
+  void refuse(std::uint64_t wire_id, std::uint32_t packet, Status status);
   void flush();
   void send_test(std::uint32_t packet_bytes);
   void fragment(bool allowed);
@@ -99,8 +100,11 @@ class Streamer {
   bool previous_dropped_ = false;
   std::optional<std::uint64_t> last_frame_id_;
   std::uint64_t last_timestamp_ns_ = 0;
-  std::optional<ResendRequest> resending_;
-  bool resent_last_ = false;
+  struct Wanted {
+    BlockPointer block;
+    std::uint32_t packet = 0;
+  };
+  std::deque<Wanted> wanted_;  // each packet once
   struct Late {
     BlockPointer block;
     std::uint32_t packet = 0;

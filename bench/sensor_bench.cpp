@@ -111,6 +111,18 @@ void qcmos_frame(benchmark::State& state) {
   read_frames(state, *sensor, whole(sensor->shape(), -35), light);
 }
 
+/// Stray light that follows a map.
+void qcmos_frame_with_background_map(benchmark::State& state) {
+  const auto sensor = make_qcmos(qcmos(), "bench");
+  auto ratio = std::make_shared<RatioMap>(sensor->shape());
+  for (int r = 0; r < ratio->rows(); ++r)
+    for (int c = 0; c < ratio->columns(); ++c) (*ratio)(r, c) = 0.5f + static_cast<float>(c) / 4096;
+  SensorLight light;
+  light.background_e = 0.2;
+  light.background_ratio = ratio;
+  read_frames(state, *sensor, whole(sensor->shape(), -35), light);
+}
+
 void qcmos_maps(benchmark::State& state) {
   for (auto _ : state) benchmark::DoNotOptimize(make_qcmos(qcmos(), "bench"));
 }
@@ -140,6 +152,7 @@ BENCHMARK(random_words);
 BENCHMARK(emccd_frame)->Unit(benchmark::kMillisecond);
 BENCHMARK(emccd_frame_with_serial_charge)->Unit(benchmark::kMillisecond);
 BENCHMARK(qcmos_frame)->ArgName("flicker")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(qcmos_frame_with_background_map)->Unit(benchmark::kMillisecond);
 BENCHMARK(qcmos_maps)->Unit(benchmark::kMillisecond);
 BENCHMARK(em_gain_tables)->ArgName("gain")->Arg(2)->Arg(300)->Arg(1000)->Unit(benchmark::kMillisecond);
 

@@ -11,7 +11,7 @@ double sample_normal(RandomStream& random) { return math::normal_quantile(random
 double sample_exponential(RandomStream& random) { return -math::log(random.uniform53()); }
 
 std::int64_t sample_poisson(RandomStream& random, double lambda) {
-  if (lambda <= 0) return 0;
+  if (!(lambda > 0)) return 0;
   if (lambda < 10) {
     double p = math::exp(-lambda), u = random.uniform53();
     std::int64_t k = 0;
@@ -58,7 +58,7 @@ double sample_gamma(RandomStream& random, double alpha) {
 }
 
 std::int64_t sample_binomial(RandomStream& random, std::int64_t n, double p) {
-  if (n <= 0 || p <= 0) return 0;
+  if (n <= 0 || !(p > 0)) return 0;
   if (p >= 1) return n;
   if (p > 0.5) return n - sample_binomial(random, n, 1 - p);
   const double q = 1 - p, count = static_cast<double>(n);

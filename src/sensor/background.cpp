@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "base/error.hpp"
 #include "base/samplers.hpp"
+#include "sensor/row_loops.hpp"
 
 namespace atomcam {
 namespace {
@@ -46,20 +48,31 @@ void Background::fill(int row, std::span<std::int32_t> electrons) const {
     return;
   }
   const std::span<const float> ratio = ratio_->row(row);
-  RandomStream random(thinning_, frame_, block);
   if (largest_e_ > UniformPoisson::largest_threshold_mean) {
+    RandomStream random(thinning_, frame_, block);
     for (std::size_t c = 0; c < electrons.size(); ++c)
-      electrons[c] = static_cast<std::int32_t>(sample_poisson(random, uniform_e_ + light_e_ * ratio[c]));
+      electrons[c] =
+          static_cast<std::int32_t>(sample_poisson(random, std::max(0.0, uniform_e_ + light_e_ * ratio[c])));
     return;
   }
   law_->fill(keys_, frame_, block, electrons);
+  thread_local row_loops::Packets packets;
+  thread_local std::vector<float> unused;
+  thread_local std::vector<std::uint32_t> words;
+  unused.resize(electrons.size());
+  row_loops::spread_electrons(electrons, 0, unused, packets);
+  std::int32_t candidates = 0;
+  for (std::size_t i = 0; i < packets.count; ++i) candidates += packets.electrons[i];
+  words.resize(static_cast<std::size_t>(candidates));
+  fill_random(thinning_, frame_, block, words);
+  const std::uint32_t* word = words.data();
   const double scale = 0x1p32 / largest_e_;
-  for (std::size_t c = 0; c < electrons.size(); ++c) {
-    if (electrons[c] == 0) continue;
-    const double mean = std::max(uniform_e_ + light_e_ * ratio[c], 0.0);
-    const auto kept = static_cast<std::uint64_t>(mean * scale);
+  for (std::size_t i = 0; i < packets.count; ++i) {
+    const auto c = static_cast<std::size_t>(packets.columns[i]);
+    const auto kept = static_cast<std::uint64_t>(std::max(0.0, uniform_e_ + light_e_ * ratio[c]) * scale);
     std::int32_t n = 0;
-    for (std::int32_t i = 0; i < electrons[c]; ++i) n += random() < kept ? 1 : 0;
+    for (const std::uint32_t* end = word + packets.electrons[i]; word != end; ++word)
+      n += *word < kept ? 1 : 0;
     electrons[c] = n;
   }
 }

@@ -58,7 +58,7 @@ INSTANTIATE_TEST_SUITE_P(Means, PoissonAt,
 
 TEST(Poisson, WithoutLightThereIsNothing) {
   // Known defects of a predecessor: -1 below 1e-16, and a hang on it.
-  for (const double mean : {0.0, 1e-300, 1e-17, 1e-16, -1.0})
+  for (const double mean : {0.0, 1e-300, 1e-17, 1e-16, -1.0, std::nan("")})
     for (const std::int64_t n :
          many(1000, "test/nothing", [mean](RandomStream& r) { return sample_poisson(r, mean); }))
       ASSERT_EQ(n, 0) << mean;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <thread>
 
 #include "base/error.hpp"
@@ -199,6 +200,15 @@ TEST(Qcmos, MapsFromCalibrationReplaceDrawnOnes) {
   EXPECT_THROW(
       make_qcmos(description, "A", {std::make_shared<Image<float, unit::counts>>(Shape{2, 2}), {}, {}, {}}),
       Error);
+}
+
+TEST(Qcmos, RefusesMapsWithoutNumbers) {
+  const QcmosDescription description = plain_qcmos();
+  for (const float value : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()})
+    EXPECT_THROW(
+        make_qcmos(description, "A",
+                   {nullptr, std::make_shared<RatioMap>(description.shape, value), nullptr, nullptr}),
+        Error);
 }
 
 TEST(Qcmos, DarkCurrentHasEveryPixelsOwnRateInBothMethods) {

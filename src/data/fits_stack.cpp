@@ -56,9 +56,10 @@ void append_texts(Fits& fits, const char* table, const char* column, const std::
   fits_create_tbl(fits, BINARY_TBL, static_cast<LONGLONG>(texts.size()), 1, names, forms, nullptr, table,
                   fits.status());
   for (std::size_t row = 0; row < texts.size() && *fits.status() == 0; ++row) {
-    std::string text = texts[row];
-    char* value = text.data();
-    fits_write_col_str(fits, 1, static_cast<LONGLONG>(row + 1), 1, 1, &value, fits.status());
+    // As raw bytes: CFITSIO's functions for strings lose what is longer than a few thousand letters.
+    std::vector<unsigned char> bytes(texts[row].begin(), texts[row].end());
+    fits_write_col_byt(fits, 1, static_cast<LONGLONG>(row + 1), 1, static_cast<LONGLONG>(bytes.size()),
+                       bytes.data(), fits.status());
   }
   fits.check("written");
 }
@@ -76,13 +77,11 @@ std::vector<std::string> read_texts(Fits& fits, const char* table) {
   for (LONGLONG row = 1; row <= rows; ++row) {
     LONGLONG length = 0, offset = 0;
     fits_read_descriptll(fits, 1, row, &length, &offset, fits.status());
-    std::string text(static_cast<std::size_t>(length) + 1, '\0');
-    char* value = text.data();
+    std::vector<unsigned char> bytes(static_cast<std::size_t>(length));
     int any = 0;
-    std::string none;
-    fits_read_col_str(fits, 1, row, 1, 1, none.data(), &value, &any, fits.status());
+    fits_read_col_byt(fits, 1, row, 1, length, 0, bytes.data(), &any, fits.status());
     fits.check("read");
-    texts.emplace_back(text.c_str());
+    texts.emplace_back(bytes.begin(), bytes.end());
   }
   return texts;
 }

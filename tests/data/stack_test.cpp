@@ -28,7 +28,7 @@ CountImage some_counts(Shape shape, std::uint64_t frame) {
 
 std::string some_truth(std::uint64_t frame) {
   return "{\"frame\":" + std::to_string(frame) + ",\"note\":\"caf\xc3\xa9 \\\"x\\\"\",\"atoms\":[" +
-         std::string(20 * frame, '1') + "0]}";
+         std::string(20 * frame * frame * frame * frame, '1') + "0]}";
 }
 
 const StackNotes some_notes{"name = \"a \\\"lab\\\"\"\n# with lines\n",

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "atomcam/commands.hpp"
+#include "base/error.hpp"
 
 int main(int argc, char** argv) {
   CLI::App app(
@@ -20,7 +21,14 @@ int main(int argc, char** argv) {
   atomcam::add_lab_command(app);
   atomcam::add_effects_command(app);
   try {
+    std::vector<std::string> commands;
+    for (const CLI::App* command : app.get_subcommands({})) commands.push_back(command->get_name());
+    if (argc > 1 && argv[1][0] != '-' && std::ranges::find(commands, argv[1]) == commands.end())
+      atomcam::throw_unknown("COMMAND", "command", argv[1], commands);
     app.parse(argc, argv);
+  } catch (const atomcam::Error& error) {
+    fmt::print(stderr, "atomcam: {}\n", error.what());
+    return 2;
   } catch (const CLI::RuntimeError& failure) {
     return failure.get_exit_code();
   } catch (const CLI::Success& help) {

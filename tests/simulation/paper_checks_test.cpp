@@ -154,6 +154,7 @@ TEST(PaperChecks, TheClosedShutterPatternOfAQcmosPersists) {
   lab.effects.clear();
   lab.settings.region = {1024, 512, 96, 64};
   lab.settings.shutter_open = false;
+  std::get<QcmosDescription>(lab.sensor).shape = {640, 1280};
   lab.settings.exposure_s = 0.01;
   const int half = 600;
   const auto mean_map = [&](const Simulation& simulation, int first) {

@@ -20,6 +20,8 @@ Lab small_lab(std::string_view name) {
       std::vector<Site>{{110.3, 150.6, 1}, {131.5, 163.25, 1.5}, {150.1, 178.9, 1}, {151.6, 160.2, 1}};
   lab.scene.filling = 1;
   lab.scene.survival = 1;
+  // A smaller sensor: its maps are drawn anew for every simulation.
+  if (auto* qcmos = std::get_if<QcmosDescription>(&lab.sensor)) qcmos->shape = {1280, 512};
   lab.place_sites();
   return lab;
 }

@@ -153,7 +153,7 @@ class Commands(unittest.TestCase):
     def test_bad_arguments(self):
         self.refused(["rendr", "render"], "rendr")
         self.refused(["--output"], "render", "ixon-ultra-897")
-        self.refused(["-n"], "render", "ixon-ultra-897", "-n", "0", "-o", self.file("a.npy"))
+        self.refused(["--frames"], "render", "ixon-ultra-897", "-n", "0", "-o", self.file("a.npy"))
         self.refused(["orca-qest", "orca-quest"], "render", "orca-qest", "-o", self.file("a.npy"))
         self.refused(["a.xyz", ".npy"], "render", "ixon-ultra-897", "-o", self.file("a.xyz"))
         self.refused(["atoms.filing", "atoms.filling"], "render", "ixon-ultra-897", "-o", self.file("a.npy"),

@@ -142,7 +142,6 @@ void add_serve_command(CLI::App& app) {
                    "Address of a camera, in the order of the labs (default: 127.0.0.1, 127.0.0.2, ...)")
       ->type_name("IP")
       ->expected(1)
-      ->check(CLI::ValidIPV4)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   add_set_option(*command, options->settings);
   command->add_option("--threads", options->camera.render_threads, "Frames rendered at a time, per camera")

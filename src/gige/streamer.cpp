@@ -49,6 +49,7 @@ void Streamer::configure(const StreamSettings& settings) {
     const std::lock_guard lock(mutex_);
     open_ = settings.open();
     if (!open_) {
+      closed_ = true;
       frames_.clear();
       requests_.clear();
     }
@@ -125,7 +126,7 @@ void Streamer::take_orders(std::unique_lock<std::mutex>& lock) {
 }
 
 void Streamer::apply(const StreamSettings& settings) {
-  if (settings.destination != settings_.destination || settings.open() != settings_.open()) {
+  if (std::exchange(closed_, false) || settings.destination != settings_.destination) {
     // A channel that opens counts its blocks from 1 and remembers none.
     current_.reset();
     ring_.clear();
@@ -170,6 +171,7 @@ void Streamer::run() {
       lock.unlock();
       flush();
       lock.lock();
+      add_up();
       continue;
     }
     if (!current_ && wanted_.empty()) {
@@ -189,15 +191,19 @@ void Streamer::run() {
     else
       send_frame_batch(now);
     lock.lock();
-    statistics_.frames += counted_.frames;
-    statistics_.packets += counted_.packets;
-    statistics_.bytes += counted_.bytes;
-    statistics_.resent += counted_.resent;
-    statistics_.unavailable += counted_.unavailable;
-    statistics_.faulted_packets += counted_.faulted_packets;
-    statistics_.send_errors += counted_.send_errors;
-    counted_ = {};
+    add_up();
   }
+}
+
+void Streamer::add_up() {
+  statistics_.frames += counted_.frames;
+  statistics_.packets += counted_.packets;
+  statistics_.bytes += counted_.bytes;
+  statistics_.resent += counted_.resent;
+  statistics_.unavailable += counted_.unavailable;
+  statistics_.faulted_packets += counted_.faulted_packets;
+  statistics_.send_errors += counted_.send_errors;
+  counted_ = {};
 }
 
 void Streamer::begin(std::shared_ptr<const CameraFrame> frame, std::size_t backlog, Time now) {

@@ -68,6 +68,7 @@ class Streamer {
   void want(const ResendRequest& request);
   void refuse(std::uint64_t wire_id, std::uint32_t packet, Status status);
   void flush();
+  void add_up();
   void send_test(std::uint32_t packet_bytes);
   void fragment(bool allowed);
 
@@ -85,7 +86,7 @@ class Streamer {
   std::deque<std::shared_ptr<const CameraFrame>> frames_;
   std::vector<std::uint64_t> lost_;
   std::deque<ResendRequest> requests_;
-  bool open_ = false;
+  bool open_ = false, closed_ = false;  // as told last; closed meanwhile
   StreamStatistics statistics_;
 
   // The thread's own.

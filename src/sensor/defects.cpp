@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstdint>
 
 namespace atomcam {
@@ -13,18 +14,26 @@ struct Step {
 constexpr std::array<Step, 8> neighbours = {
     {{-1, -1}, {0, -1}, {1, -1}, {-1, 0}, {1, 0}, {-1, 1}, {0, 1}, {1, 1}}};
 
-/// The two middle ones of eight values: a sorting network (Batcher's, 19 comparators), so without branches.
-std::uint32_t middle_sum(std::array<std::uint16_t, 8> v) {
+constexpr std::size_t lanes = 32;  // defects that are corrected side by side
+
+/// Neighbours of several defects: values[n][lane].
+using Neighbourhoods = std::array<std::array<std::uint16_t, lanes>, 8>;
+
+/// Sorts the eight values of every lane: Batcher's network of 19 comparators, each a vector minimum and
+/// maximum.
+void sort(Neighbourhoods& values) {
   constexpr std::uint8_t network[19][2] = {{0, 1}, {2, 3}, {4, 5}, {6, 7}, {0, 2}, {1, 3}, {4, 6},
                                            {5, 7}, {1, 2}, {5, 6}, {0, 4}, {1, 5}, {2, 6}, {3, 7},
                                            {2, 4}, {3, 5}, {1, 2}, {3, 4}, {5, 6}};
-#pragma GCC unroll 19
-  for (const auto& [a, b] : network) {
-    const std::uint16_t low = std::min(v[a], v[b]), high = std::max(v[a], v[b]);
-    v[a] = low;
-    v[b] = high;
+  for (const auto& [low, high] : network) {
+    std::uint16_t* a = values[low].data();
+    std::uint16_t* b = values[high].data();
+    for (std::size_t lane = 0; lane < lanes; ++lane) {
+      const std::uint16_t smaller = std::min(a[lane], b[lane]), larger = std::max(a[lane], b[lane]);
+      a[lane] = smaller;
+      b[lane] = larger;
+    }
   }
-  return std::uint32_t{v[3]} + v[4];
 }
 
 }  // namespace
@@ -61,34 +70,40 @@ void correct_defects(const std::vector<Defect>& defects, const Region& region, C
   const auto above = [](const Defect& defect, int row) { return defect.row < row; };
   const auto begin = std::lower_bound(defects.begin(), defects.end(), region.offset_y, above);
   const auto end = std::lower_bound(begin, defects.end(), region.offset_y + region.height, above);
-  std::array<std::uint16_t, 8> good{};
-  // A defect is never among the good ones, so the order of the replacements does not matter.
+  // A defect is never among the good ones, so neither the order of the replacements matters nor that several
+  // are made at once.
+  Neighbourhoods values{};
+  std::array<std::uint16_t*, lanes> pixels{};
+  std::array<int, lanes> counts{};
+  std::size_t filled = 0;
+  const auto replace = [&] {
+    sort(values);
+    for (std::size_t lane = 0; lane < filled; ++lane) {
+      const auto count = static_cast<std::size_t>(counts[lane]);
+      if (count == 0) continue;
+      const std::uint32_t sum = std::uint32_t{values[(count - 1) / 2][lane]} + values[count / 2][lane];
+      *pixels[lane] = static_cast<std::uint16_t>((sum + 1) / 2);
+    }
+    filled = 0;
+  };
+  const int columns = image.columns(), last_row = image.rows() - 1;
   for (auto defect = begin; defect != end; ++defect) {
     const int row = defect->row - region.offset_y, column = defect->column - region.offset_x;
-    if (column < 0 || column >= image.columns()) continue;
-    if (defect->good == 0xff && row > 0 && column > 0 && row + 1 < image.rows() &&
-        column + 1 < image.columns()) {
-      const std::uint16_t* above_it = &image(row - 1, column);
-      const std::uint16_t* beside = &image(row, column);
-      const std::uint16_t* below = &image(row + 1, column);
-      const std::uint32_t sum = middle_sum(
-          {above_it[-1], above_it[0], above_it[1], beside[-1], beside[1], below[-1], below[0], below[1]});
-      image(row, column) = static_cast<std::uint16_t>((sum + 1) / 2);
-      continue;
-    }
-    std::size_t count = 0;
-    for (std::size_t n = 0; n < neighbours.size(); ++n) {
-      const int r = row + neighbours[n].y, c = column + neighbours[n].x;
-      if ((defect->good >> n & 1) == 0 || r < 0 || r >= image.rows() || c < 0 || c >= image.columns())
-        continue;
-      std::size_t place = count++;  // kept in order
-      for (; place > 0 && good[place - 1] > image(r, c); --place) good[place] = good[place - 1];
-      good[place] = image(r, c);
-    }
-    if (count == 0) continue;
-    image(row, column) =
-        static_cast<std::uint16_t>((std::uint32_t{good[(count - 1) / 2]} + good[count / 2] + 1) / 2);
+    if (column < 0 || column >= columns) continue;
+    std::uint32_t good = defect->good;
+    if (row == 0) good &= ~0b00000111u;
+    if (row == last_row) good &= ~0b11100000u;
+    if (column == 0) good &= ~0b00101001u;
+    if (column == columns - 1) good &= ~0b10010100u;
+    std::uint16_t* here = &image(row, column);
+    // Bad neighbours count as the largest number: the good ones come first.
+    for (std::size_t n = 0; n < neighbours.size(); ++n)
+      values[n][filled] = (good >> n & 1) != 0 ? here[neighbours[n].y * columns + neighbours[n].x] : 0xffff;
+    pixels[filled] = here;
+    counts[filled] = std::popcount(good);
+    if (++filled == lanes) replace();
   }
+  replace();
 }
 
 CountImage bin_digitally(CountImage image, int binning_x, int binning_y) {

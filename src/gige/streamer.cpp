@@ -131,7 +131,6 @@ void Streamer::apply(const StreamSettings& settings) {
     current_.reset();
     ring_.clear();
     late_.clear();
-    requests_.clear();
     wanted_.clear();
     next_block_ = 1;
     previous_dropped_ = false;

@@ -45,8 +45,8 @@ void run(const CheckOptions& options) {
   const Lab lab = lab_of(options, stack->notes());
   const StackSettings settings = StackSettings::parse(stack->notes().settings, options.stack);
   if (!options.picture.empty())
-    write_png(options.picture, truth_picture(stack->counts(0), frame_atoms(stack->truth(0), options.stack),
-                                             lab, settings, settings.first_frame));
+    write_png(options.picture,
+              truth_picture(stack->counts(0), frame_atoms(stack->truth(0), options.stack), lab, settings));
   const TruthCheck check = check_truth(*stack, lab, settings, options.stack);
 
   SiteCheck far, odd, lit;

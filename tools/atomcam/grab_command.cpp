@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "atomcam/aravis_client.hpp"
@@ -28,6 +29,13 @@ struct GrabOptions {
   double timeout_s = 10;
   std::vector<std::string> settings;
 };
+
+/// The camera's own number of a frame if its truth tells it, else the stream's.
+std::uint64_t frame_number(const GrabbedFrame& frame) {
+  const auto truth = nlohmann::json::parse(frame.truth, nullptr, false);
+  const auto number = truth.is_object() ? truth.find("frame") : truth.end();
+  return number != truth.end() && number->is_number_unsigned() ? number->get<std::uint64_t>() : frame.id;
+}
 
 void list() {
   const std::vector<FoundCamera> cameras = find_cameras();
@@ -61,7 +69,7 @@ void run(const GrabOptions& options) {
     const auto take = [&](const GrabbedFrame& frame) {
       if (!writer) {
         StackSettings settings = client.settings();
-        settings.first_frame = frame.id;
+        settings.first_frame = frame_number(frame);
         notes.settings = settings.to_json();
         writer = StackWriter::create(options.output, frame.counts.shape(), notes, options.frames);
       }

@@ -244,6 +244,7 @@ FrameAtoms frame_atoms(const std::string& truth, const std::string& place) {
   FrameAtoms frame;
   try {
     const auto json = nlohmann::json::parse(truth);
+    frame.frame = json.at("frame");
     frame.initial = json.at("initial");
     const std::string final_ones = json.at("final");
     for (const auto& atom : json.at("atoms")) {

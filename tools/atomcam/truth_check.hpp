@@ -37,6 +37,7 @@ struct FrameAtoms {
     double electrons = 0;
     bool lost = false;
   };
+  std::uint64_t frame = 0;  // its number
   std::vector<Atom> atoms;
   std::string initial;  // '1' for every site that is filled at the start
 };

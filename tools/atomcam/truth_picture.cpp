@@ -78,13 +78,13 @@ Image<float, unit::ratio> panel(const CountImage& counts, const View& view, doub
 }  // namespace
 
 Canvas truth_picture(const CountImage& counts, const FrameAtoms& truth, const Lab& lab,
-                     const StackSettings& settings, std::uint64_t frame) {
+                     const StackSettings& settings) {
   const View view = view_of(lab, settings, counts.shape());
   double black = 0, bright = 0;
   const Image<float, unit::ratio> image = panel(counts, view, black, bright);
   const int second = 2 * margin + image.columns();
   Canvas canvas({heading + image.rows() + footing, second + image.columns() + margin});
-  canvas.text(margin, margin, fmt::format("{}  frame {}", settings.camera, frame), white);
+  canvas.text(margin, margin, fmt::format("{}  frame {}", settings.camera, truth.frame), white);
   canvas.text(margin + 26, margin,
               fmt::format("image: {:.0f} (black) to {:.0f} counts (white)", black, bright), grey);
   canvas.text(margin + 26, second, "ground truth of the same frame", grey);

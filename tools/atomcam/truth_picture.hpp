@@ -9,6 +9,6 @@ namespace atomcam {
 /// Left the counts around the sites; right what is true: every site, the atoms that stay, the atoms that are
 /// lost.
 Canvas truth_picture(const CountImage& counts, const FrameAtoms& truth, const Lab& lab,
-                     const StackSettings& settings, std::uint64_t frame);
+                     const StackSettings& settings);
 
 }  // namespace atomcam

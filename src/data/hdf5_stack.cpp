@@ -34,6 +34,7 @@ class Handle {
 
 /// The library prints its errors unless told otherwise; here they become an Error.
 void keep_quiet() {
+  H5dont_atexit();  // everything is closed before; after a failed write the cleaning up at exit crashes
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
 }
 

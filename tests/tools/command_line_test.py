@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 import socket
 import struct
@@ -45,9 +46,9 @@ class Commands(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         return result
 
-    def refused(self, words, *arguments, code=2):
+    def refused(self, words, *arguments, code=2, **options):
         """One clear line and the exit code."""
-        result = run(*arguments)
+        result = run(*arguments, **options)
         self.assertEqual(result.returncode, code, result.stderr)
         lines = result.stderr.splitlines()
         self.assertEqual(len(lines), 1, result.stderr)
@@ -174,6 +175,16 @@ class Commands(unittest.TestCase):
         file = self.file("a.npy")
         os.symlink("/dev/full", file)
         self.refused(["a.npy", "No space left on device"], "render", "ixon-ultra-897", "-n", "5", "-o", file)
+
+    def test_disk_full_on_the_way(self):
+        def small_files():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 20, 1 << 20))
+
+        for extension in ("npy", "h5", "tif", "fits"):
+            with self.subTest(extension):
+                self.refused(["a." + extension, "File too large"], "render", "ixon-ultra-897", "-n", "50", "-o",
+                             self.file("a." + extension), code=1, preexec_fn=small_files)
 
     # Serving
 

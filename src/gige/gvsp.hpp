@@ -16,7 +16,7 @@ using Time = Clock::time_point;
 
 /// What a client has set on the stream channel.
 struct StreamSettings {
-  Endpoint destination;               // open when address and port are set
+  Endpoint destination = {};          // open when address and port are set
   std::uint32_t packet_bytes = 1500;  // of IP: headers of IP, UDP and GVSP included
   bool do_not_fragment = false;
   std::uint64_t delay_ns = 0;  // between packets

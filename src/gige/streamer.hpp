@@ -113,7 +113,6 @@ class Streamer {
     int after = 0;
   };
   std::vector<Late> late_;
-  bool fragmenting_ = true;
   StreamStatistics counted_;  // since the last time they were added up
   std::thread thread_;
 };

@@ -460,6 +460,18 @@ TEST_F(Control, EventsGoOutUntilAcknowledged) {
   EXPECT_FALSE(messages.receive(200));
 }
 
+TEST_F(Control, ASwitchoverIsToldToTheClientBefore) {
+  take_control(client_, 2 | 4);
+  test::TestSocket messages;
+  ASSERT_EQ(client_.write(reg::switchover_key, 7), Status::success);
+  ASSERT_EQ(client_.write(reg::message_address, 0x7f000001), Status::success);
+  ASSERT_EQ(client_.write(reg::message_port, messages.local().port), Status::success);
+  ASSERT_EQ(other_.write(reg::control, 7u << 16 | 2), Status::success);
+  const auto event = messages.receive(1000);
+  ASSERT_TRUE(event);
+  EXPECT_EQ(gige::load16(*event, 10), 0x0007);
+}
+
 TEST_F(Control, CapabilitiesAreWhatIsThere) {
   const std::uint32_t capability = client_.read(reg::gvcp_capability).value_or(0);
   for (const int there : {0, 1, 2, 3, 5, 6, 20, 21, 22, 27, 28, 29, 30, 31})

@@ -42,7 +42,7 @@ class FakeCamera : public TransportCamera {
     if (address == fixed) return RegisterStatus::write_protect;
     if (address == locked) return RegisterStatus::access_denied;
     if (address == plain && value > 1000) return RegisterStatus::invalid_parameter;
-    if (address == slow) std::this_thread::sleep_for(write_time);
+    if (address == slow) std::this_thread::sleep_for(write_time.load());
     if (address == acquisition) acquire(value != 0);
     ++writes;
     const std::lock_guard lock(mutex_);
@@ -122,7 +122,7 @@ class FakeCamera : public TransportCamera {
 
   std::atomic<int> stops = 0, writes = 0;
   std::atomic<bool> acquiring = false;
-  std::chrono::milliseconds write_time{100};
+  std::atomic<std::chrono::milliseconds> write_time{std::chrono::milliseconds(100)};
 
  private:
   mutable std::mutex mutex_, sink_mutex_;

@@ -233,8 +233,11 @@ void Streamer::begin(std::shared_ptr<const CameraFrame> frame, std::size_t backl
     }
     if (fault.delayed) start += std::chrono::microseconds(faults_->faults().frame_delay_us);
   }
-  pacer_.begin_frame(start, frame->payload.size(), period_ns, backlog, settings_.delay_ns);
   current_ = std::make_shared<Block>(Block::cut(id, std::move(frame), settings_));
+  // Every packet counts as a full one, also in send_frame_batch: leader and trailer of a small frame are most
+  // of it.
+  pacer_.begin_frame(start, current_->packets() * (current_->header_bytes() + current_->data_bytes),
+                     period_ns, backlog, settings_.delay_ns);
   current_->previous_dropped = std::exchange(previous_dropped_, false);
   current_->finished = now;
   ring_.add(current_, now);

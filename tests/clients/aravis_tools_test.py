@@ -43,7 +43,7 @@ class AravisTools(unittest.TestCase):
             self.assertEqual(code, 0, answer)
             self.assertNotRegex(answer.lower(), "error|not found|invalid")
 
-    def test_full_frames_stream(self):
+    def test_frames_of_the_preset_stream(self):
         code, text = run("arv-camera-test-0.8", "-n", ADDRESSES[0], "--duration=3")
         self.assertEqual(code, 0, text)
         counted = dict(re.findall(r"(n_\w+)\s*[=:]\s*(\d+)", text))

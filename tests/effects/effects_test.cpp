@@ -1,0 +1,371 @@
+// Each effect against its own model: sizes at five standard errors, conservation of atoms and charge, and
+// what every declaration must hold.
+
+#include "effects/effect.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "base/observable.hpp"
+#include "effects/patterns.hpp"
+
+namespace atomcam {
+namespace {
+
+/// A small EMCCD, a grid of sites and settings: all that a hook may ask for.
+struct Stage {
+  Stage() {
+    EmccdDescription description;
+    description.shape = {128, 128};
+    ReadoutMode mode;
+    mode.electrons_per_count = 5;
+    mode.read_noise_e = 1;
+    description.readout_modes.push_back(mode);
+    sensor = make_emccd(description, "test");
+    settings.region = {0, 0, 128, 128};
+    settings.exposure_s = 0.1;
+    for (int j = 0; j < 12; ++j)
+      for (int i = 0; i < 12; ++i) scene.sites.push_back({10.0 * i + 5, 10.0 * j + 5, 1});
+    scene.filling = 1;
+    scene.survival = 1;
+  }
+  FrameContext context(std::string_view effect, std::uint64_t frame) const {
+    return {.seed = 7,
+            .frame = frame,
+            .effect = effect,
+            .serial = "test",
+            .settings = &settings,
+            .scene = &scene,
+            .optics = &optics,
+            .sensor = sensor.get(),
+            .electrons_of = &electrons_of};
+  }
+  SceneFrame atoms(std::uint64_t frame) const { return draw_scene(scene, settings.exposure_s, 7, frame); }
+
+  CameraSettings settings;
+  SceneDescription scene;
+  OpticsDescription optics;
+  std::shared_ptr<const Sensor> sensor;
+  std::function<ElectronImage(std::uint64_t)> electrons_of = [](std::uint64_t) {
+    return ElectronImage({128, 128}, 100);
+  };
+};
+
+std::unique_ptr<Effect> make(std::string_view name, ParameterValues first) {
+  const EffectDeclaration* declaration = find_effect(name);
+  EXPECT_NE(declaration, nullptr) << name;
+  for (std::size_t i = first.size(); i < declaration->parameters.size(); ++i)
+    first.push_back(declaration->parameters[i].default_value);
+  return declaration->make(first);
+}
+
+struct Moments {
+  double sum = 0, sum2 = 0, count = 0;
+  void add(double value) {
+    sum += value;
+    sum2 += value * value;
+    ++count;
+  }
+  double mean() const { return sum / count; }
+  double variance() const { return sum2 / count - mean() * mean(); }
+  double mean_error() const { return std::sqrt(variance() / count); }
+  /// Of the variance of a normal sample.
+  double variance_error() const { return variance() * std::sqrt(2 / count); }
+};
+
+TEST(Catalogue, DeclaresWhatEveryoneNeeds) {
+  const std::set<std::string_view> known(observables.begin(), observables.end());
+  std::set<std::string> names;
+  for (const EffectDeclaration& effect : effect_catalogue()) {
+    EXPECT_TRUE(names.insert(effect.name).second) << effect.name;
+    EXPECT_FALSE(effect.summary.empty() || effect.reference.empty() || effect.observables.empty())
+        << effect.name;
+    EXPECT_TRUE(effect.emccd || effect.qcmos) << effect.name;
+    ASSERT_FALSE(effect.parameters.empty()) << effect.name;
+    EXPECT_EQ(effect.parameters.front().minimum, 0) << effect.name << ": its strength must reach zero";
+    for (const std::string& observable : effect.observables)
+      EXPECT_TRUE(known.contains(observable)) << observable;
+    std::set<std::string> keys;
+    for (const ParameterDeclaration& parameter : effect.parameters) {
+      EXPECT_TRUE(keys.insert(parameter.key).second) << effect.name << "." << parameter.key;
+      EXPECT_LE(parameter.minimum, parameter.default_value) << effect.name << "." << parameter.key;
+      EXPECT_GE(parameter.maximum, parameter.default_value) << effect.name << "." << parameter.key;
+      EXPECT_FALSE(parameter.meaning.empty()) << effect.name << "." << parameter.key;
+    }
+  }
+  EXPECT_EQ(names.size(), 26u);
+}
+
+TEST(Noise, ThatWandersHasUnitVarianceAtAnyFrame) {
+  const Stage stage;
+  for (const std::uint64_t phase : {0u, 3u, 7u}) {
+    Moments moments;
+    for (std::uint64_t k = 0; k < 4000; ++k)
+      moments.add(wandering(stage.context("x", 40 * k + phase), "w", 10));
+    EXPECT_NEAR(moments.mean(), 0, 5 * moments.mean_error());
+    EXPECT_NEAR(moments.variance(), 1, 5 * moments.variance_error());
+  }
+}
+
+TEST(Noise, AutoregressiveHasItsVarianceAndCorrelation) {
+  const Stage stage;
+  const double rho = 0.6;
+  Moments moments, products;
+  for (std::uint64_t k = 0; k < 4000; ++k) {
+    const double a = autoregressive(stage.context("x", 50 * k), "w", rho);
+    moments.add(a);
+    products.add(a * autoregressive(stage.context("x", 50 * k + 1), "w", rho));
+  }
+  EXPECT_NEAR(moments.variance(), 1, 5 * moments.variance_error());
+  EXPECT_NEAR(products.mean(), rho, 5 * products.mean_error());
+}
+
+TEST(SceneEffects, IntensityNoiseIsCommonAndBrightnessSpreadIsFixed) {
+  const Stage stage;
+  const auto noise = make("frame_intensity_noise", {0.05, 0});
+  const auto spread = make("site_brightness_spread", {0.1});
+  Moments common;
+  for (std::uint64_t frame = 0; frame < 3000; ++frame) {
+    SceneFrame scene = stage.atoms(frame);
+    const double before = scene.emitters[0].rate_hz;
+    noise->apply_to_scene(scene, stage.context("frame_intensity_noise", frame));
+    common.add(scene.emitters[0].rate_hz / before);
+    EXPECT_EQ(scene.emitters[0].rate_hz, scene.emitters[7].rate_hz);
+  }
+  EXPECT_NEAR(common.variance(), 0.0025, 5 * common.variance_error());
+  SceneFrame first = stage.atoms(0), later = stage.atoms(9);
+  const double before = first.emitters[0].rate_hz;
+  spread->apply_to_scene(first, stage.context("site_brightness_spread", 0));
+  spread->apply_to_scene(later, stage.context("site_brightness_spread", 9));
+  Moments sites;
+  for (std::size_t i = 0; i < first.emitters.size(); ++i) {
+    sites.add(first.emitters[i].rate_hz / before);
+    EXPECT_EQ(first.emitters[i].rate_hz, later.emitters[i].rate_hz);
+  }
+  EXPECT_NEAR(sites.variance(), 0.01, 5 * sites.variance_error());
+}
+
+TEST(SceneEffects, HoppingMovesAtomsOrLosesPairs) {
+  Stage stage;
+  stage.scene.filling = 0.3;
+  const auto hopping = make("atom_hopping", {0.2});
+  double hops = 0, atoms = 0;
+  for (std::uint64_t frame = 0; frame < 300; ++frame) {
+    SceneFrame scene = stage.atoms(frame);
+    const std::size_t before = scene.emitters.size();
+    hopping->apply_to_scene(scene, stage.context("atom_hopping", frame));
+    atoms += static_cast<double>(before);
+    std::size_t at_end = 0, stopped = 0;
+    for (const Atom& atom : scene.atoms) at_end += atom.present_at_end;
+    for (std::size_t e = 0; e < before; ++e) stopped += scene.emitters[e].end_s < stage.settings.exposure_s;
+    EXPECT_LE(at_end, before);  // atoms are never made
+    hops += static_cast<double>(stopped);
+    for (const Emitter& emitter : scene.emitters) EXPECT_LE(emitter.start_s, emitter.end_s);
+  }
+  // Every hop ends one light; a collision ends a second one, so the fraction lies between p and 2 p.
+  EXPECT_GT(hops / atoms, 0.2 - 5 * std::sqrt(0.2 / atoms));
+  EXPECT_LT(hops / atoms, 0.4);
+}
+
+TEST(SceneEffects, BlinkingTakesItsShareOfTheLight) {
+  const Stage stage;
+  const auto blinking = make("blinking", {0.3, 0.005});
+  Moments share;
+  for (std::uint64_t frame = 0; frame < 60; ++frame) {
+    SceneFrame scene = stage.atoms(frame);
+    std::vector<double> lit(stage.scene.sites.size());
+    blinking->apply_to_scene(scene, stage.context("blinking", frame));
+    for (const Emitter& emitter : scene.emitters) lit[emitter.site] += emitter.end_s - emitter.start_s;
+    for (const double time : lit) share.add(time / stage.settings.exposure_s);
+  }
+  EXPECT_NEAR(share.mean(), 0.7, 5 * share.mean_error());
+}
+
+TEST(ElectronEffects, CrosstalkKeepsEveryElectron) {
+  const Stage stage;
+  ElectronImage image({128, 128});
+  image(64, 64) = 100000;
+  make("pixel_crosstalk", {0.1})->apply_to_electrons(image, stage.context("pixel_crosstalk", 0));
+  std::int64_t total = 0;
+  for (const std::int32_t electrons : image.pixels()) total += electrons;
+  EXPECT_EQ(total, 100000);
+  EXPECT_NEAR(image(64, 64), 90000, 5 * std::sqrt(100000 * 0.1 * 0.9));
+  EXPECT_NEAR(image(63, 64), 2500, 5 * std::sqrt(2500.0));
+}
+
+TEST(ElectronEffects, HotPixelsCosmicRaysLagAndSmearHaveTheirMeans) {
+  const Stage stage;
+  const double pixels = 128 * 128;
+  double hot = 0, expected_hot = 0.01 * pixels * 50 * stage.settings.exposure_s;
+  Moments cosmic, lag;
+  const auto hot_pixels = make("hot_pixels", {0.01, 50});
+  const auto cosmic_rays = make("cosmic_rays", {50, 1000, 4});
+  const auto image_lag = make("image_lag", {0.05, 1});
+  for (std::uint64_t frame = 1; frame <= 200; ++frame) {
+    ElectronImage image({128, 128});
+    hot_pixels->apply_to_electrons(image, stage.context("hot_pixels", frame));
+    for (const std::int32_t e : image.pixels()) hot += e / 200.0;
+    ElectronImage rays({128, 128});
+    cosmic_rays->apply_to_electrons(rays, stage.context("cosmic_rays", frame));
+    double charge = 0;
+    for (const std::int32_t e : rays.pixels()) charge += e;
+    cosmic.add(charge);
+    ElectronImage after({128, 128});
+    image_lag->apply_to_electrons(after, stage.context("image_lag", frame));
+    double left = 0;
+    for (const std::int32_t e : after.pixels()) left += e / pixels;
+    lag.add(left);
+  }
+  // Which pixels are hot, and how hot, is drawn once: their number has the scatter of a Poisson law, their
+  // rates that of an exponential one.
+  EXPECT_NEAR(hot, expected_hot, 5 * expected_hot * std::sqrt(2 / (0.01 * pixels)));
+  EXPECT_GT(cosmic.mean(), 0);
+  EXPECT_NEAR(lag.mean(), 5, 5 * lag.mean_error() + 1e-9);
+  Moments smear;
+  ElectronImage image({128, 128});
+  for (int row = 0; row < 128; ++row) image(row, 10) = 10000;
+  const std::int64_t before = 128 * 10000;
+  make("frame_transfer_smear", {100})->apply_to_electrons(image, stage.context("frame_transfer_smear", 0));
+  const double each =
+      100 * stage.settings.vertical_shift_s / stage.settings.exposure_s * static_cast<double>(before);
+  std::int64_t column = -before, elsewhere = 0;
+  for (int row = 0; row < 128; ++row) {
+    column += image(row, 10);
+    elsewhere += image(row, 11);
+  }
+  EXPECT_NEAR(static_cast<double>(column), 128 * each, 5 * std::sqrt(128 * each));
+  EXPECT_EQ(elsewhere, 0);
+}
+
+TEST(RegisterEffects, TheTailHoldsWhatIsLeftBehind) {
+  Stage stage;
+  const auto readout = stage.sensor->begin(stage.settings, {}, 7, 0);
+  std::vector<float> row(128);
+  row[20] = 10000;
+  make("cti_tail", {0.1, 2})->apply_to_register(0, row, *readout, stage.context("cti_tail", 0));
+  EXPECT_FLOAT_EQ(row[20], 9000);
+  // Released with 1 / (1 + 2) of what is trapped at every pixel, and left behind again by a tenth.
+  EXPECT_NEAR(row[21], 10000 * 0.1 / 3, 1e-3 * 10000 * 0.1 / 3);
+  const double total = std::accumulate(row.begin(), row.end(), 0.0);
+  EXPECT_NEAR(total, 10000, 0.01);  // single precision of a sum of 128
+  for (int c = 0; c < 20; ++c) EXPECT_EQ(row[c], 0);
+}
+
+TEST(CountEffects, HaveTheirSizes) {
+  const Stage stage;
+  const auto rows = make("row_noise", {3});
+  const auto stripes = make("emi_stripes", {4, 37.3});
+  const auto drift = make("bias_drift", {2, 10, 0});
+  const auto dual = make("dual_adc_peaks", {1, 10});
+  Moments row_offsets, stripe, drifts;
+  double dual_pixels = 0;
+  for (std::uint64_t frame = 0; frame < 200; ++frame) {
+    std::vector<float> row(128, 200);
+    rows->apply_to_counts(static_cast<int>(frame % 128), row, stage.context("row_noise", frame));
+    row_offsets.add(static_cast<double>(row[0]) - 200);
+    EXPECT_EQ(row[0], row[127]);
+    std::fill(row.begin(), row.end(), 200.0f);
+    stripes->apply_to_counts(5, row, stage.context("emi_stripes", frame));
+    for (const float counts : row) stripe.add(static_cast<double>(counts) - 200);
+    std::fill(row.begin(), row.end(), 200.0f);
+    drift->apply_to_counts(5, row, stage.context("bias_drift", 40 * frame));
+    drifts.add(static_cast<double>(row[3]) - 200);
+    std::fill(row.begin(), row.end(), 200.0f);
+    dual->apply_to_counts(5, row, stage.context("dual_adc_peaks", frame));
+    for (const float counts : row) dual_pixels += counts != 200;
+  }
+  EXPECT_NEAR(row_offsets.variance(), 9, 5 * row_offsets.variance_error());
+  EXPECT_NEAR(stripe.variance(), 8, 5 * 8 / std::sqrt(200.0));  // A^2 / 2; frames are independent
+  EXPECT_NEAR(drifts.variance(), 4, 5 * drifts.variance_error());
+  EXPECT_GT(dual_pixels, 0);
+  std::vector<float> row(128, 20200);
+  make("nonlinearity", {0.05, 20000})->apply_to_counts(0, row, stage.context("nonlinearity", 0));
+  EXPECT_FLOAT_EQ(row[0], 200 + 20000 * 0.95f);
+}
+
+TEST(CountEffects, TelegraphPixelsSpendHalfTheirTimeInEachLevelAndDwell) {
+  const Stage stage;
+  const auto telegraph = make("random_telegraph_noise", {0.05, 20, 5});
+  std::vector<std::vector<float>> series;
+  for (std::uint64_t frame = 0; frame < 2000; ++frame) {
+    std::vector<float> row(128);
+    telegraph->apply_to_counts(9, row, stage.context("random_telegraph_noise", frame));
+    series.push_back(row);
+  }
+  double high = 0, changes = 0, pixels = 0;
+  for (int column = 0; column < 128; ++column) {
+    if (series[0][column] == 0) continue;
+    std::set<float> levels;
+    for (std::size_t frame = 0; frame < series.size(); ++frame) levels.insert(series[frame][column]);
+    if (levels.size() != 2) continue;  // two traps in one pixel
+    ++pixels;
+    for (std::size_t frame = 1; frame < series.size(); ++frame) {
+      high += series[frame][column] > 0;
+      changes += series[frame][column] != series[frame - 1][column];
+    }
+  }
+  ASSERT_GT(pixels, 1);
+  const double samples = pixels * 1999;
+  // Correlated over the dwell time of five frames: ten times fewer independent samples.
+  EXPECT_NEAR(high / samples, 0.5, 5 * 0.5 / std::sqrt(samples / 10));
+  // Every 40 frames the chain starts anew, which adds changes with probability one half.
+  const double expected = (39 * 0.2 + 0.5) / 40;
+  EXPECT_NEAR(changes / samples, expected, 5 * std::sqrt(expected / samples));
+}
+
+TEST(LightEffects, MapsFollowTheSensorThroughRegionAndBinning) {
+  Stage whole, part;
+  part.settings.region = {32, 64, 64, 32};
+  part.settings.binning_x = part.settings.binning_y = 2;
+  for (const char* name : {"vignetting", "etaloning_fringes"}) {
+    const auto effect_of_whole = make(name, {0.2}), effect_of_part = make(name, {0.2});
+    std::vector<Emitter> none;
+    LightField a, b;
+    a.emitters = b.emitters = &none;
+    effect_of_whole->apply_to_light(a, whole.context(name, 0));
+    effect_of_part->apply_to_light(b, part.context(name, 0));
+    ASSERT_TRUE(a.response_ratio && b.response_ratio);
+    ASSERT_EQ(b.response_ratio->shape(), (Shape{16, 32}));
+    for (int row = 0; row < 16; ++row)
+      for (int column = 0; column < 32; ++column) {
+        float smallest = 10, largest = 0;
+        for (int y = 0; y < 2; ++y)
+          for (int x = 0; x < 2; ++x) {
+            const float pixel = (*a.response_ratio)(64 + 2 * row + y, 32 + 2 * column + x);
+            smallest = std::min(smallest, pixel);
+            largest = std::max(largest, pixel);
+          }
+        // The binned pixel's value is taken at its centre, between those of its four pixels (up to
+        // curvature).
+        EXPECT_GE((*b.response_ratio)(row, column), smallest - 0.002f) << name;
+        EXPECT_LE((*b.response_ratio)(row, column), largest + 0.002f) << name;
+      }
+  }
+}
+
+TEST(Hooks, ArePureInTheFrame) {
+  const Stage stage;
+  for (const EffectDeclaration& declaration : effect_catalogue()) {
+    ParameterValues values;
+    for (const ParameterDeclaration& parameter : declaration.parameters)
+      values.push_back(parameter.default_value);
+    const auto one = declaration.make(values), other = declaration.make(values);
+    std::vector<float> a(128, 300), b(128, 300), between(128, 300);
+    one->apply_to_counts(3, a, stage.context(declaration.name, 17));
+    other->apply_to_counts(3, between, stage.context(declaration.name, 4));  // another frame in between
+    other->apply_to_counts(3, b, stage.context(declaration.name, 17));
+    EXPECT_EQ(a, b) << declaration.name;
+    ElectronImage c({128, 128}, 50), d({128, 128}, 50);
+    one->apply_to_electrons(c, stage.context(declaration.name, 17));
+    other->apply_to_electrons(d, stage.context(declaration.name, 17));
+    EXPECT_TRUE(c == d) << declaration.name;
+  }
+}
+
+}  // namespace
+}  // namespace atomcam

@@ -1,6 +1,7 @@
 #pragma once
-// What a client has set on a camera when a frame's exposure begins. The camera fills it, the simulation obeys it; it
-// carries no physics of its own. Together with the lab, the seed and the frame number it determines a frame.
+// What a client has set on a camera when a frame's exposure begins. The camera fills it, the simulation obeys
+// it; it carries no physics of its own. Together with the lab, the seed and the frame number it determines a
+// frame.
 
 #include <string>
 #include <vector>
@@ -34,27 +35,27 @@ struct ReadoutMode {
 
 struct CameraSettings {
   double exposure_s = 0.08;
-  Region region;      // multiple of the binning on each axis
+  Region region;  // multiple of the binning on each axis
   int binning_x = 1;
   int binning_y = 1;
   bool shutter_open = true;
   double bias_counts = 200;
   double sensor_temperature_c = -80;
-  double frame_interval_s = 0.1;    // start to start, as realised by trigger and readout
+  double frame_interval_s = 0.1;  // start to start, as realised by trigger and readout
 
-  int readout_mode = 0;             // index into the sensor's ReadoutModes
+  int readout_mode = 0;  // index into the sensor's ReadoutModes
   // EMCCD
-  double em_gain = 300;             // 1 = off; ignored by the conventional amplifier
-  double vertical_shift_s = 0.5e-6; // per row
+  double em_gain = 300;              // 1 = off; ignored by the conventional amplifier
+  double vertical_shift_s = 0.5e-6;  // per row
   bool frame_transfer = true;
   // qCMOS
   bool photon_number_resolving = false;
   bool defect_correction = true;
   HotPixelCorrection hot_pixel_correction = HotPixelCorrection::standard;
-  bool pulsed_light = false;        // light only while every row of the region exposes
+  bool pulsed_light = false;  // light only while every row of the region exposes
 
-  /// Overrides of lab parameters by their dotted key ("atoms.filling", "effects.row_noise.sigma_e"), sorted by key,
-  /// at most one each. The camera passes them through; the simulation knows the keys.
+  /// Overrides of lab parameters by their dotted key ("atoms.filling", "effects.row_noise.sigma_e"), sorted
+  /// by key, at most one each. The camera passes them through; the simulation knows the keys.
   std::vector<std::pair<std::string, double>> overrides;
 
   int output_width() const { return region.width / binning_x; }

@@ -23,7 +23,8 @@ class Error : public std::runtime_error {
 /// The element of `known` nearest to `word` in edit distance (ties: the first); empty if `known` is empty.
 std::string nearest_word(std::string_view word, std::span<const std::string> known);
 
-/// Throws an Error: "<place>: unknown <what> 'word'; the nearest is 'near'" (or the list of all where it is short).
+/// Throws an Error: "<place>: unknown <what> 'word'; the nearest is 'near'" (or the list of all where it is
+/// short).
 [[noreturn]] void throw_unknown(std::string_view place, std::string_view what, std::string_view word,
                                 std::span<const std::string> known);
 

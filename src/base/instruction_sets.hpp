@@ -1,6 +1,6 @@
 #pragma once
-// The instruction sets that vector loops are compiled for: the compiler's baseline (one pixel at a time), SSE4, AVX2 and
-// AVX-512. The first include of a file with such loops.
+// The instruction sets that vector loops are compiled for: the compiler's baseline (one pixel at a time),
+// SSE4, AVX2 and AVX-512. The first include of a file with such loops.
 
 #include <hwy/detect_targets.h>
 

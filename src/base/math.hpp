@@ -1,7 +1,7 @@
 #pragma once
-// Elementary functions of the frame path. A C library's last bits differ between versions and processors; these are
-// plain IEEE-754 arithmetic (no contraction), so a frame has the same bits everywhere. sqrt, floor and the four
-// operations are exact by the standard and are used as they are.
+// Elementary functions of the frame path. A C library's last bits differ between versions and processors;
+// these are plain IEEE-754 arithmetic (no contraction), so a frame has the same bits everywhere. sqrt, floor
+// and the four operations are exact by the standard and are used as they are.
 
 namespace atomcam::math {
 
@@ -13,7 +13,9 @@ double exp(double x);
 double sin_turns(double x);
 double cos_turns(double x);
 /// x^y for x > 0.
-inline double pow(double x, double y) { return exp(y * log(x)); }
+inline double pow(double x, double y) {
+  return exp(y * log(x));
+}
 /// ln Gamma(x), x > 0; absolute error below 1e-12 * max(1, |value|).
 double log_gamma(double x);
 /// Quantile of the standard normal law, 0 < p < 1 (Wichura, AS 241, PPND16: relative error about 1e-16).

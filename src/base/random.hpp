@@ -1,7 +1,8 @@
 #pragma once
-// Counter-based random streams. A stream is keyed by (seed, stream name) and addressed by (frame, block), so any part
-// of any frame can be drawn in any order, on any thread, and adding or removing an effect leaves every other draw as
-// it was. Generator: Philox4x32-10 (Salmon, Moraes, Dror, Shaw, SC11, doi:10.1145/2063384.2063405), own code.
+// Counter-based random streams. A stream is keyed by (seed, stream name) and addressed by (frame, block), so
+// any part of any frame can be drawn in any order, on any thread, and adding or removing an effect leaves
+// every other draw as it was. Generator: Philox4x32-10 (Salmon, Moraes, Dror, Shaw, SC11,
+// doi:10.1145/2063384.2063405), own code.
 
 #include <array>
 #include <cstdint>
@@ -38,7 +39,8 @@ constexpr PhiloxCounter philox4x32(PhiloxCounter counter, PhiloxKey key) {
   return counter;
 }
 
-/// The key of a stream: a Philox block of the stream's id under the seed, so that neighbouring seeds share nothing.
+/// The key of a stream: a Philox block of the stream's id under the seed, so that neighbouring seeds share
+/// nothing.
 PhiloxKey stream_key(std::uint64_t seed, std::uint64_t stream);
 
 /// A sequence of 32-bit words at (key; frame, block): counter = {word / 4, block, frame low, frame high}.
@@ -78,8 +80,8 @@ class RandomStream {
   unsigned used_ = 4;
 };
 
-/// Fills `words` with the words of (key; frame, block) from the first on: the same words RandomStream gives, many at
-/// a time on the widest instruction set at hand.
+/// Fills `words` with the words of (key; frame, block) from the first on: the same words RandomStream gives,
+/// many at a time on the widest instruction set at hand.
 void fill_random(PhiloxKey key, std::uint64_t frame, std::uint32_t block, std::span<std::uint32_t> words);
 
 }  // namespace atomcam

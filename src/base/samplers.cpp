@@ -6,9 +6,13 @@
 
 namespace atomcam {
 
-double sample_normal(RandomStream& random) { return math::normal_quantile(random.uniform53()); }
+double sample_normal(RandomStream& random) {
+  return math::normal_quantile(random.uniform53());
+}
 
-double sample_exponential(RandomStream& random) { return -math::log(random.uniform53()); }
+double sample_exponential(RandomStream& random) {
+  return -math::log(random.uniform53());
+}
 
 std::int64_t sample_poisson(RandomStream& random, double lambda) {
   if (!(lambda > 0)) return 0;
@@ -35,7 +39,8 @@ std::int64_t sample_poisson(RandomStream& random, double lambda) {
     const double k = std::floor((2 * a / us + b) * u + lambda + 0.43);
     if (us >= 0.07 && v <= v_r) return static_cast<std::int64_t>(k);
     if (k < 0 || (us < 0.013 && v > us)) continue;
-    if (math::log(v * inverse_alpha / (a / (us * us) + b)) <= k * log_lambda - lambda - math::log_gamma(k + 1))
+    if (math::log(v * inverse_alpha / (a / (us * us) + b)) <=
+        k * log_lambda - lambda - math::log_gamma(k + 1))
       return static_cast<std::int64_t>(k);
   }
 }
@@ -52,7 +57,8 @@ double sample_gamma(RandomStream& random, double alpha) {
     if (t <= 0) continue;
     const double v = t * t * t;
     const double u = random.uniform53(), q = z * z;
-    if (u < 1 - 0.0331 * q * q) return d * v;  // the authors' squeeze: below the exact bound, without logarithms
+    if (u < 1 - 0.0331 * q * q)
+      return d * v;  // the authors' squeeze: below the exact bound, without logarithms
     if (math::log(u) < 0.5 * q + d - d * v + d * math::log(v)) return d * v;
   }
 }

@@ -1,6 +1,6 @@
 #pragma once
-// Samplers over a RandomStream, one draw at a time. Each states its law and its method; tests hold each against the
-// law (chi-square, Kolmogorov-Smirnov). Bulk draws of the sensor's fast path stand in src/sensor.
+// Samplers over a RandomStream, one draw at a time. Each states its law and its method; tests hold each
+// against the law (chi-square, Kolmogorov-Smirnov). Bulk draws of the sensor's fast path stand in src/sensor.
 
 #include <cstdint>
 
@@ -18,7 +18,8 @@ std::int64_t sample_poisson(RandomStream& random, double lambda);
 double sample_gamma(RandomStream& random, double alpha);
 /// Binomial law (n >= 0, 0 <= p <= 1): inversion for n min(p, 1 - p) < 10, Hoermann's BTRS above.
 std::int64_t sample_binomial(RandomStream& random, std::int64_t n, double p);
-/// Gumbel law of mean 0 and scale `beta` (paper, section "Gumbel Distribution"): location -beta * euler_gamma.
+/// Gumbel law of mean 0 and scale `beta` (paper, section "Gumbel Distribution"): location -beta *
+/// euler_gamma.
 double sample_gumbel(RandomStream& random, double beta);
 
 }  // namespace atomcam

@@ -41,7 +41,7 @@ struct EmccdDescription {
   int register_stages = 536;
   double dark_rate_e_per_s = 3e-4;  // at dark_reference_c
   double dark_reference_c = -80;
-  double dark_activation_k = 1372.8;       // see cameras.md figures: rate ~ exp(-dark_activation_k ... / T)
+  double dark_activation_k = 1372.8;       // rate ~ exp(-dark_activation_k / T)
   double clock_induced_charge_e = 0.0018;  // events per physical pixel and frame
   double pixel_full_well_e = 180000;
   double register_full_well_e = 800000;

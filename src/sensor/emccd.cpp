@@ -138,6 +138,7 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
   }
 
   CountImage finish(CountImage converted) const override { return converted; }
+  bool finishes() const override { return false; }
 
  private:
   const std::uint32_t* noise_words(int row, std::size_t columns) const {

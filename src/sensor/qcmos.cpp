@@ -126,6 +126,10 @@ class Qcmos::QcmosReadout final : public Sensor::Readout {
       correct_defects(*sensor_.defects(settings_.hot_pixel_correction), settings_.region, converted);
     return bin_digitally(std::move(converted), settings_.binning_x, settings_.binning_y);
   }
+  bool finishes() const override {
+    return (settings_.defect_correction && !settings_.photon_number_resolving) || settings_.binning_x > 1 ||
+           settings_.binning_y > 1;
+  }
 
  private:
   struct Words {

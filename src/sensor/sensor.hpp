@@ -108,6 +108,8 @@ class Sensor {
     virtual void read_row(int row, std::span<std::uint16_t> counts) const = 0;
     /// What follows conversion: qCMOS defect correction and digital binning (plane_shape -> output shape).
     virtual CountImage finish(CountImage converted) const = 0;
+    /// Whether finish() does anything: if not, the converted rows are the frame's.
+    virtual bool finishes() const = 0;
   };
   /// `light.atoms` and the sensor are used until the Readout is gone.
   virtual std::unique_ptr<Readout> begin(const CameraSettings& settings, const SensorLight& light,

@@ -58,6 +58,11 @@ const std::vector<std::string>& lab_keys(CameraKind kind) {
   return kind == CameraKind::emccd ? emccd : qcmos;
 }
 
+const LabParameter* find_scalar(CameraKind kind, std::string_view key) {
+  const LabParameter* parameter = find_lab_parameter(kind, key);
+  return parameter ? parameter : find_lab_parameter(kind, strength_key(key));
+}
+
 void throw_unknown_key(std::string_view place, std::string_view key, CameraKind kind) {
   constexpr std::size_t longest = 100;  // nearness of longer ones says nothing and costs much
   const std::string name = kind == CameraKind::emccd ? "an EMCCD" : "a qCMOS";
@@ -87,8 +92,7 @@ void set_parameter(Lab& lab, std::string_view key, std::string_view value, std::
   for (const LabText& text : lab_texts(lab.kind())) {
     if (text.key == key) return text.set(lab, value, place_of(place, key));
   }
-  const LabParameter* parameter = find_lab_parameter(lab.kind(), key);
-  if (!parameter) parameter = find_lab_parameter(lab.kind(), strength_key(key));
+  const LabParameter* parameter = find_scalar(lab.kind(), key);
   if (!parameter) throw_unknown_key(place, key, lab.kind());
   std::optional<double> number = parse_number(value);
   if (parameter->boolean && value == "true") number = 1;
@@ -102,8 +106,7 @@ void set_parameter(Lab& lab, std::string_view key, std::string_view value, std::
 }
 
 void set_parameter(Lab& lab, std::string_view key, double value) {
-  const LabParameter* parameter = find_lab_parameter(lab.kind(), key);
-  if (!parameter) parameter = find_lab_parameter(lab.kind(), strength_key(key));
+  const LabParameter* parameter = find_scalar(lab.kind(), key);
   if (!parameter) throw_unknown_key("lab parameter", key, lab.kind());
   check_value(parameter->declaration, value, key);
   parameter->set(lab, value);

@@ -59,11 +59,17 @@ void check(const CameraSettings& settings, const Sensor& sensor) {
 
 /// The laboratory under one set of overrides: effects made, point-spread functions at hand.
 struct State {
-  State(Lab the_lab, std::shared_ptr<const Sensor> the_sensor, Overrides the_overrides)
+  /// Takes from `like`, if there is one, what is dear to make and would be the same.
+  State(Lab the_lab, const State* like, Overrides the_overrides)
       : lab(std::move(the_lab)),
-        sensor(std::move(the_sensor)),
+        sensor(like && lab.sensor == like->lab.sensor && lab.serial == like->lab.serial ? like->sensor
+                                                                                        : make_sensor(lab)),
         overrides(std::move(the_overrides)),
-        point_spread(lab.optics, lab.scene.atom_extent_um),
+        point_spread(
+            like && lab.optics == like->lab.optics &&
+                    lab.scene.atom_extent_um == like->lab.scene.atom_extent_um
+                ? like->point_spread
+                : std::make_shared<const PointSpreadFunctions>(lab.optics, lab.scene.atom_extent_um)),
         electrons_per_photon(collected_fraction(lab.optics.numerical_aperture) * lab.optics.transmission *
                              sensor->quantum_efficiency()) {
     for (const EffectDeclaration& declaration : effect_catalogue()) {
@@ -81,7 +87,7 @@ struct State {
   Lab lab;
   std::shared_ptr<const Sensor> sensor;
   Overrides overrides;
-  PointSpreadFunctions point_spread;
+  std::shared_ptr<const PointSpreadFunctions> point_spread;
   double electrons_per_photon;
   std::vector<ActiveEffect> scene_effects, light_effects, electron_effects, register_effects, count_effects;
 };
@@ -105,10 +111,22 @@ class Exposure {
     const auto detected = expose();
     Frame frame;
     CountImage converted(readout_->plane_shape());
-    read_out(converted);
+    read_out(converted.pixels());
     frame.counts = readout_->finish(std::move(converted));
     frame.truth = truth(detected);
     return frame;
+  }
+
+  FrameTruth render_into(std::span<std::uint16_t> counts) {
+    const auto detected = expose();
+    if (readout_->finishes()) {
+      CountImage converted(readout_->plane_shape());
+      read_out(converted.pixels());
+      std::ranges::copy(readout_->finish(std::move(converted)).pixels(), counts.begin());
+    } else {
+      read_out(counts);
+    }
+    return truth(detected);
   }
 
   PhotonImage expected() {
@@ -177,7 +195,7 @@ class Exposure {
   }
 
   Landing landing(int binning_x, int binning_y) const {
-    return {.point_spread = &state_.point_spread,
+    return {.point_spread = state_.point_spread.get(),
             .light = &light_,
             .region = settings_.region,
             .binning_x = binning_x,
@@ -210,11 +228,16 @@ class Exposure {
     return image;
   }
 
-  void read_out(CountImage& converted) {
-    const int rows = converted.rows(), columns = converted.columns();
+  /// `converted`: [row, column] of the readout's plane.
+  void read_out(std::span<std::uint16_t> converted) {
+    const auto [rows, columns] = readout_->plane_shape();
+    const auto width = static_cast<std::size_t>(columns);
+    const auto row_of = [&](int row) {
+      return converted.subspan(static_cast<std::size_t>(row) * width, width);
+    };
     const bool plane = !state_.electron_effects.empty();
     if (!plane && state_.register_effects.empty() && state_.count_effects.empty()) {
-      parallel_for(rows, threads_, 16, [&](int row) { readout_->read_row(row, converted.row(row)); });
+      parallel_for(rows, threads_, 16, [&](int row) { readout_->read_row(row, row_of(row)); });
       return;
     }
     ElectronImage collected;
@@ -239,7 +262,7 @@ class Exposure {
       readout_->amplify(row, output_e, analog_counts);
       for (const ActiveEffect& active : state_.count_effects)
         active.effect->apply_to_counts(row, analog_counts, context(active));
-      readout_->digitise(row, analog_counts, converted.row(row));
+      readout_->digitise(row, analog_counts, row_of(row));
     });
   }
 
@@ -289,8 +312,7 @@ class Exposure {
 }  // namespace
 
 struct Simulation::Impl {
-  explicit Impl(Lab lab)
-      : sensor(make_sensor(lab)), base(std::make_shared<State>(std::move(lab), sensor, Overrides{})) {}
+  Impl(Lab lab, const State* like) : base(std::make_shared<const State>(std::move(lab), like, Overrides{})) {}
 
   /// States are few (a client turning a knob), and each is kept while it is among the last ones used.
   std::shared_ptr<const State> state(const Overrides& overrides) {
@@ -303,15 +325,13 @@ struct Simulation::Impl {
     Lab lab = base->lab;
     for (const auto& [key, value] : overrides) set_parameter(lab, key, value);
     lab.place_sites();
-    const bool same_sensor = lab.sensor == base->lab.sensor && lab.serial == base->lab.serial;
-    auto made = std::make_shared<const State>(lab, same_sensor ? sensor : make_sensor(lab), overrides);
+    auto made = std::make_shared<const State>(std::move(lab), base.get(), overrides);
     const std::lock_guard lock(mutex);
     recent.push_front(made);
     if (recent.size() > 4) recent.pop_back();
     return made;
   }
 
-  std::shared_ptr<const Sensor> sensor;
   std::shared_ptr<const State> base;
   std::mutex mutex;
   std::deque<std::shared_ptr<const State>> recent;
@@ -319,7 +339,11 @@ struct Simulation::Impl {
 
 Simulation::Simulation(Lab lab) {
   lab.place_sites();
-  impl_ = std::make_unique<Impl>(std::move(lab));
+  impl_ = std::make_unique<Impl>(std::move(lab), nullptr);
+}
+Simulation::Simulation(Lab lab, const Simulation& previous) {
+  lab.place_sites();
+  impl_ = std::make_unique<Impl>(std::move(lab), previous.impl_->base.get());
 }
 Simulation::~Simulation() = default;
 
@@ -327,13 +351,24 @@ const Lab& Simulation::lab() const {
   return impl_->base->lab;
 }
 const Sensor& Simulation::sensor() const {
-  return *impl_->sensor;
+  return *impl_->base->sensor;
 }
 
 Frame Simulation::render(std::uint64_t number, const CameraSettings& settings, int threads) const {
   const auto state = impl_->state(settings.overrides);
   check(settings, *state->sensor);
   return Exposure(*state, settings, number, threads).render();
+}
+
+FrameTruth Simulation::render_into(std::span<std::uint16_t> counts, std::uint64_t number,
+                                   const CameraSettings& settings, int threads) const {
+  const auto state = impl_->state(settings.overrides);
+  check(settings, *state->sensor);
+  const Shape shape{settings.output_height(), settings.output_width()};
+  if (counts.size() != shape.pixels())
+    throw Error("counts", fmt::format("room for {} pixels; a frame has {} x {}", counts.size(), shape.columns,
+                                      shape.rows));
+  return Exposure(*state, settings, number, threads).render_into(counts);
 }
 
 PhotonImage Simulation::expected_electrons(std::uint64_t number, const CameraSettings& settings) const {

@@ -2,6 +2,7 @@
 // A lab at work: frame number n with its truth. The only place where the stages meet.
 
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,9 @@ struct Frame {
 class Simulation {
  public:
   explicit Simulation(Lab lab);
+  /// Shares with `previous` what is dear to make and the same in both: the sensor's maps, the point-spread
+  /// functions.
+  Simulation(Lab lab, const Simulation& previous);
   ~Simulation();
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
@@ -54,6 +58,9 @@ class Simulation {
   /// mode, override).
   Frame render(std::uint64_t number, const CameraSettings& settings, int threads = 1) const;
   Frame render(std::uint64_t number) const { return render(number, lab().settings); }
+  /// The same frame into the caller's memory, [row, column] of output_height() x output_width() pixels.
+  FrameTruth render_into(std::span<std::uint16_t> counts, std::uint64_t number,
+                         const CameraSettings& settings, int threads = 1) const;
 
   /// Expected photo-electrons per output pixel of that frame: its atoms at their drawn lives and its stray
   /// light, with the effects of the planes scene and photons; no dark current, no clock-induced charge.

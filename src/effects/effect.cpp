@@ -20,6 +20,22 @@ RandomStream FrameContext::fixed(std::string_view what, std::uint32_t block) con
   return RandomStream(stream_id(serial), stream_of(effect, what), 0, block);
 }
 
+std::string_view plane_name(Plane plane) {
+  switch (plane) {
+    case Plane::scene:
+      return "scene";
+    case Plane::photons:
+      return "photons";
+    case Plane::electrons:
+      return "electrons";
+    case Plane::electron_register:
+      return "register";
+    case Plane::counts:
+      return "counts";
+  }
+  return {};
+}
+
 std::string_view EffectDeclaration::stage() const {
   switch (plane) {
     case Plane::scene:

@@ -7,6 +7,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/camera_settings.hpp"
@@ -22,6 +23,8 @@ namespace atomcam {
 /// Where an effect acts. scene -> stage "scene"; photons -> "optics"; electrons, electron_register, counts ->
 /// "sensor".
 enum class Plane { scene, photons, electrons, electron_register, counts };
+/// "scene", "photons", "electrons", "register", "counts"
+std::string_view plane_name(Plane plane);
 
 /// What every hook knows of its frame. `random("row")` is a stream private to the effect: keyed by
 /// (seed, "effects/<name>/<what>") and addressed by (frame, block).

@@ -31,19 +31,15 @@ KeyInfo info_of(const Lab& lab, const LabText& text) {
 }
 
 KeyInfo info_of(const Lab& lab, const LabParameter& parameter) {
-  const ParameterDeclaration& declaration = parameter.declaration;
-  return {.key = declaration.key,
-          .unit = declaration.unit,
-          .meaning = declaration.meaning,
-          .allowed = parameter.boolean ? "true, false" : allowed_text(declaration),
-          .source = std::string(figure_source(lab.kind(), declaration.key)),
-          .minimum = declaration.minimum,
-          .maximum = declaration.maximum,
-          .default_value = declaration.default_value,
-          .integer = declaration.integer,
-          .boolean = parameter.boolean,
-          .logarithmic = declaration.scale == ParameterScale::logarithmic,
-          .live = parameter.live};
+  KeyInfo info = describe(parameter.declaration);
+  info.source = figure_source(lab.kind(), info.key);
+  info.live = parameter.live;
+  info.boolean = parameter.boolean;
+  if (info.boolean) {
+    info.allowed = "true, false";
+    info.integer = false;
+  }
+  return info;
 }
 
 struct ToText {
@@ -80,6 +76,52 @@ std::vector<KeyInfo> list_keys(const Lab& lab) {
     if (!parameter.written || parameter.written(lab)) keys.push_back(info_of(lab, parameter));
   }
   return keys;
+}
+
+KeyInfo describe(const ParameterDeclaration& declaration) {
+  return {.key = declaration.key,
+          .unit = declaration.unit,
+          .meaning = declaration.meaning,
+          .allowed = allowed_text(declaration),
+          .source = {},
+          .minimum = declaration.minimum,
+          .maximum = declaration.maximum,
+          .default_value = declaration.default_value,
+          .integer = declaration.integer,
+          .logarithmic = declaration.scale == ParameterScale::logarithmic};
+}
+
+std::string text_of(const KeyValue& value) {
+  return std::visit(ToText{}, value);
+}
+
+void set_sites(Lab& lab, std::vector<Site> sites) {
+  for (std::size_t i = 0; i < sites.size(); ++i) {
+    const Site& site = sites[i];
+    const std::string where = fmt::format("site {}", i);
+    for (const double position : {site.x_px, site.y_px}) {
+      if (!(std::abs(position) <= 100000))
+        throw Error(where,
+                    fmt::format("position {}, {} px; allowed -100000 to 100000", site.x_px, site.y_px));
+    }
+    if (!(site.brightness >= 0 && site.brightness <= 1e6))
+      throw Error(where, fmt::format("brightness {}; allowed 0 to 1e6", site.brightness));
+  }
+  lab.layout = std::move(sites);
+  lab.given_occupancies.clear();
+  lab.place_sites();
+}
+
+void set_occupancies(Lab& lab, std::vector<Occupancy> occupancies) {
+  for (const Occupancy& shot : occupancies) {
+    if (shot.size() != lab.scene.sites.size())
+      throw Error("occupancies",
+                  fmt::format("{} sites in a shot; the lab has {}", shot.size(), lab.scene.sites.size()));
+    for (const std::uint8_t one : shot) {
+      if (one > 1) throw Error("occupancies", fmt::format("value {}; allowed 0, 1", one));
+    }
+  }
+  lab.given_occupancies = std::move(occupancies);
 }
 
 Lab with_camera_of(const Lab& lab, const Lab& other) {
@@ -122,7 +164,7 @@ KeyValue Workbench::get(std::string_view key) const {
 }
 
 void Workbench::set(std::string_view key, const KeyValue& value) {
-  set_text(key, std::visit(ToText{}, value));
+  set_text(key, text_of(value));
 }
 
 void Workbench::set_text(std::string_view key, std::string_view value) {

@@ -35,8 +35,18 @@ struct KeyInfo {
 /// Every key that `--set` knows for this lab, in the order of a lab file.
 std::vector<KeyInfo> list_keys(const Lab& lab);
 
+/// The same of an effect's parameter, under its short key.
+KeyInfo describe(const ParameterDeclaration& declaration);
+
 /// true or false, a whole number, a number, a text.
 using KeyValue = std::variant<bool, std::int64_t, double, std::string>;
+/// As a lab file and the command line have it.
+std::string text_of(const KeyValue& value);
+
+/// Sites in a list, instead of the grid or list that the lab had; given occupancies are dropped.
+void set_sites(Lab& lab, std::vector<Site> sites);
+/// Who is filled at the beginning of each shot, used in turn; none: drawn by chance.
+void set_occupancies(Lab& lab, std::vector<Occupancy> occupancies);
 
 /// The atoms, optics, light, seed and effects of the planes scene and photons of `lab`, seen by the camera of
 /// `other`: its sensor with its serial number, its set-points and the effects of the planes behind the light.

@@ -14,22 +14,6 @@
 namespace atomcam {
 namespace {
 
-std::string_view plane_name(Plane plane) {
-  switch (plane) {
-    case Plane::scene:
-      return "scene";
-    case Plane::photons:
-      return "photons";
-    case Plane::electrons:
-      return "electrons";
-    case Plane::electron_register:
-      return "register";
-    case Plane::counts:
-      return "counts";
-  }
-  return {};
-}
-
 std::string_view cameras(const EffectDeclaration& effect) {
   return effect.emccd && effect.qcmos ? "both" : effect.emccd ? "EMCCD" : effect.qcmos ? "qCMOS" : "none";
 }

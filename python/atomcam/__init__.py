@@ -1,0 +1,34 @@
+"""A virtual camera for neutral-atom laboratories.
+
+>>> import atomcam
+>>> lab = atomcam.Lab.preset("ixon-ultra-897")
+>>> lab["camera.em_gain"] = 200
+>>> counts, truth = lab.render(10)
+>>> counts.shape, truth.present_at_start.shape
+((10, 256, 256), (10, 306))
+
+`Lab` is where everything starts; `EMCCDCamera` and `QCMOSCamera` can be exchanged in front of the same atoms;
+`effects()` lists what can be switched on. `atomcam.dask` renders on a cluster.
+"""
+
+from . import _core
+from ._core import Error
+from .cameras import Camera, EMCCDCamera, QCMOSCamera
+from .catalogue import Effect, Parameter, effects, presets
+from .lab import Lab
+from .truth import Truth
+
+__version__: str = _core.version
+
+__all__ = [
+    "Camera",
+    "EMCCDCamera",
+    "Effect",
+    "Error",
+    "Lab",
+    "Parameter",
+    "QCMOSCamera",
+    "Truth",
+    "effects",
+    "presets",
+]

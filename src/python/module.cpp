@@ -1,0 +1,9 @@
+#include "python/bindings.hpp"
+
+PYBIND11_MODULE(_core, module) {
+  module.doc() = "The compiled part of atomcam; use the package `atomcam`.";
+  module.attr("version") = ATOMCAM_VERSION;
+  atomcam::bind_error(module);
+  atomcam::bind_effects(module);
+  atomcam::bind_lab(module);
+}

@@ -12,9 +12,9 @@
 """
 
 from . import _core
-from ._core import Error
 from .cameras import Camera, EMCCDCamera, QCMOSCamera
 from .catalogue import Effect, Parameter, effects, presets
+from .errors import Error
 from .lab import Lab
 from .truth import Truth
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from . import _core
+from ._core import Error
+from .errors import error
 
 if TYPE_CHECKING:
     from .lab import Lab, Value
@@ -16,8 +17,9 @@ class Camera:
     """A sensor with its serial number and its set-points.
 
     Settings are attributes, by the last word of their keys: `camera.em_gain` is the lab's "camera.em_gain",
-    `camera.quantum_efficiency` its "sensor.quantum_efficiency". `settings()` lists them. Effects that belong to the
-    camera (row noise, hot pixels, serial clock-induced charge: whatever comes behind the light) are set by their keys,
+    `camera.quantum_efficiency` its "sensor.quantum_efficiency"; `camera.electrons_per_count` and `camera.read_noise_e`
+    are those of the readout mode in force. `settings()` lists them. Effects that belong to the camera (row noise, hot
+    pixels, serial clock-induced charge: whatever comes behind the light) are set by their keys,
     `camera["effects.row_noise"] = 0.5`.
 
     `lab.camera` is the camera of a lab, and settings of it are settings of the lab. `lab.camera = other` puts another
@@ -33,9 +35,11 @@ class Camera:
 
         lab = Lab.load(self._preset if preset is None else preset)
         if type(self) is not Camera and lab.kind != KINDS_OF[type(self)]:
-            raise _core.Error(f"preset: {preset!r} has another kind of camera than {type(self).__name__}")
+            raise error("preset", f"{preset!r} has another kind of camera than {type(self).__name__}")
         object.__setattr__(self, "_lab", lab)
-        lab.update({self._key(name): value for name, value in settings.items()})
+        # The readout mode's figures last: other settings choose the mode.
+        for name in sorted(settings, key=self._is_readout_figure):
+            setattr(self, name, settings[name])
 
     @staticmethod
     def _of(lab: Lab) -> Camera:
@@ -57,21 +61,29 @@ class Camera:
 
             effect = rest.partition(".")[0]
             if any(one.name == effect and one.stage != "sensor" for one in effects()):
-                raise _core.Error(f"camera: {key!r} acts before the camera; set it on the lab")
+                raise error("camera", f"{key!r} acts before the camera; set it on the lab")
         elif table not in _TABLES:
-            raise _core.Error(f"camera: {key!r} is no setting of a camera; allowed camera.*, sensor.*, effects.*")
+            raise error("camera", f"{key!r} is no setting of a camera; allowed camera.*, sensor.*, effects.*")
         return key
+
+    def _is_readout_figure(self, name: str) -> bool:
+        return name in self._lab._core.readout_mode()
 
     def __getattr__(self, name: str) -> Value:
         if name.startswith("_"):
             raise AttributeError(name)
+        if self._is_readout_figure(name):
+            return self._lab._core.readout_mode()[name]  # type: ignore[no-any-return]
         try:
             return self._lab[self._key(name)]
-        except _core.Error as error:
-            raise AttributeError(str(error)) from None
+        except Error as refused:
+            raise AttributeError(str(refused)) from None
 
     def __setattr__(self, name: str, value: Value) -> None:
-        self._lab[self._key(name)] = value
+        if self._is_readout_figure(name):
+            self._lab._core.put_readout_figure(name, value)
+        else:
+            self._lab[self._key(name)] = value
 
     def __getitem__(self, key: str) -> Value:
         return self._lab[self._own(key)]
@@ -81,9 +93,8 @@ class Camera:
 
     def settings(self) -> dict[str, Value]:
         """Every setting by its name."""
-        return {
-            key.partition(".")[2]: self._lab[key] for key in self._lab.keys() if key.partition(".")[0] in _TABLES
-        }
+        keys = [key for key in self._lab.keys() if key.partition(".")[0] in _TABLES]
+        return {key.partition(".")[2]: self._lab[key] for key in keys} | self._lab._core.readout_mode()
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.settings()]

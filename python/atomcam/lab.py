@@ -11,6 +11,7 @@ import numpy as np
 from . import _core
 from .cameras import Camera
 from .catalogue import Parameter
+from .errors import error
 from .truth import Truth
 
 Value = Union[bool, int, float, str]
@@ -142,7 +143,7 @@ class Lab:
             return
         given = np.asarray(occupancies)
         if not np.isin(given, (0, 1)).all():
-            raise _core.Error("occupancies: allowed bool, 0 or 1")
+            raise error("occupancies", "allowed bool, 0 or 1")
         self._core.put_occupancies(given.astype(np.uint8))
 
     @property
@@ -177,7 +178,7 @@ class Lab:
         counts : uint16 [frame, row, column], digital numbers.
         truth : arrays [frame, site] and [frame], see `Truth`.
         """
-        frames, first = _whole("frames", frames), _whole("first", first)
+        frames, first = _whole("frames", frames, 0, 2**31 - 1), _whole("first", first)
         counts = np.empty((frames, *self.frame_shape), np.uint16) if out is None else out
         truth = Truth.empty(first, frames, len(self.sites))
         self._core.render_into(counts, truth.arrays(), first, _seed(seed), _threads(threads))
@@ -215,7 +216,7 @@ class Lab:
         batch, first, prefetch = _whole("batch", batch, 1), _whole("first", first), _whole("prefetch", prefetch)
         index, count = _whole("shard", shard[0]), _whole("shard", shard[1], 1)
         if index >= count:
-            raise _core.Error(f"shard: {shard}; allowed an index less than the count")
+            raise error("shard", f"{shard}; allowed an index less than the count")
         if frames is not None:
             frames = _whole("frames", frames)
         self.check()
@@ -303,17 +304,17 @@ def _unpickled(text: str) -> Lab:
 def _one_of_the_presets(name: str) -> str:
     known = _core.preset_names()
     if name not in known:
-        raise _core.Error(f"preset: {name!r}; allowed {', '.join(known)}")
+        raise error("preset", f"{name!r}; allowed {', '.join(known)}")
     return name
 
 
-def _whole(name: str, value: Any, minimum: int = 0) -> int:
+def _whole(name: str, value: Any, minimum: int = 0, maximum: int = 2**63 - 1) -> int:
     try:
         whole = value.__index__()
     except AttributeError:
-        raise _core.Error(f"{name}: {value!r}; allowed a whole number") from None
-    if not minimum <= whole < 2**63:
-        raise _core.Error(f"{name}: {whole}; allowed whole numbers from {minimum}")
+        raise error(name, f"{value!r}; allowed a whole number") from None
+    if not minimum <= whole <= maximum:
+        raise error(name, f"{whole}; allowed whole numbers from {minimum} to {maximum}")
     return int(whole)
 
 
@@ -323,4 +324,4 @@ def _seed(seed: Any) -> int | None:
 
 def _threads(threads: Any) -> int:
     """0 for all cores."""
-    return 0 if threads is None else _whole("threads", threads, 1)
+    return 0 if threads is None else _whole("threads", threads, 1, 1024)

@@ -7,6 +7,8 @@
 #include "base/error.hpp"
 #include "python/bindings.hpp"
 #include "simulation/frame_range.hpp"
+#include "simulation/lab_choice.hpp"
+#include "simulation/lab_text_form.hpp"
 #include "simulation/point_spread_image.hpp"
 
 namespace atomcam {
@@ -27,8 +29,7 @@ KeyValue value_of(const std::string& key, const py::handle& value) {
     if (!PyErr_Occurred()) return static_cast<std::int64_t>(whole);
     PyErr_Clear();
   }
-  if (py::isinstance(value, numbers.attr("Real")))
-    return py::float_(value.cast<py::object>()).cast<double>();
+  if (py::isinstance(value, numbers.attr("Real"))) return py::float_(value.cast<py::object>()).cast<double>();
   throw Error(key, fmt::format("value {} of type {}; allowed a number, a bool or a text",
                                py::repr(value).cast<std::string>(),
                                py::str(py::type::handle_of(value).attr("__name__")).cast<std::string>()));
@@ -184,6 +185,21 @@ void put(Workbench& bench, const py::dict& values) {
   });
 }
 
+py::dict readout_mode(const Workbench& bench) {
+  const Lab lab = bench.lab();
+  py::dict figures;
+  for (const ReadoutFigure& figure : readout_figures())
+    figures[py::str(figure.declaration.key)] = readout_figure(lab, figure.declaration.key);
+  return figures;
+}
+
+void put_readout_figure(Workbench& bench, const std::string& name, const py::object& value) {
+  const std::string text = text_of(value_of(name, value));
+  const std::optional<double> number = parse_number(text);
+  if (!number) throw Error("lab: " + name, fmt::format("value {} is not a number", in_quotes(text)));
+  bench.change([&](Lab& lab) { set_readout_figure(lab, name, *number, "lab"); });
+}
+
 py::list keys(const Workbench& bench) {
   py::list all;
   for (const KeyInfo& info : list_keys(bench.lab())) all.append(dictionary_of(info));
@@ -231,6 +247,9 @@ void bind_lab(py::module_& module) {
           "frame_shape",
           [](const Workbench& bench) { return py::tuple(py::cast(shape_of(bench.lab().settings))); },
           "Rows and columns.")
+      .def("readout_mode", &readout_mode, "Figures of the readout mode in force.")
+      .def("put_readout_figure", &put_readout_figure, py::arg("name"), py::arg("value"),
+           "Changes a figure of the readout mode in force.")
       .def("sites", &sites, "x_px, y_px, brightness [site, 3].")
       .def("put_sites", &put_sites, py::arg("sites"), "Sites in a list.")
       .def("occupancies", &occupancies, "Given occupancies [shot, site].")

@@ -332,8 +332,10 @@ class Walker {
       } else if (word_of(members, item, key, "scan", {"standard", "ultra_quiet"}) != "standard") {
         mode.scan = ScanMode::ultra_quiet;
       }
-      mode.electrons_per_count = number_of(members, item, key, "electrons_per_count", 1e-6, 1e6);
-      mode.read_noise_e = number_of(members, item, key, "read_noise_e", 0, 1e6);
+      for (const ReadoutFigure& figure : readout_figures()) {
+        const ParameterDeclaration& declared = figure.declaration;
+        mode.*figure.member = number_of(members, item, key, declared.key, declared.minimum, declared.maximum);
+      }
       for (const ReadoutMode& other : modes) {
         if (readout_mode_name(lab_.kind(), other) == readout_mode_name(lab_.kind(), mode)) {
           fail(item, key, fmt::format("{} twice", in_quotes(readout_mode_name(lab_.kind(), mode))));

@@ -10,6 +10,7 @@
 #include "base/error.hpp"
 #include "simulation/lab.hpp"
 #include "simulation/lab_choice.hpp"
+#include "simulation/lab_set.hpp"
 #include "simulation/lab_text_form.hpp"
 
 namespace atomcam {
@@ -186,6 +187,51 @@ void choose_readout_mode(Lab& lab, const ReadoutWish& wish, std::string_view pla
                 fmt::format("no readout mode {}; allowed {}", in_quotes(asked), fmt::join(allowed, "; ")));
   }
   lab.settings.readout_mode = best;
+}
+
+std::span<const ReadoutFigure> readout_figures() {
+  static const std::array<ReadoutFigure, 2> figures = {
+      {{{.key = "electrons_per_count",
+         .unit = "e/count",
+         .minimum = 1e-6,
+         .maximum = 1e6,
+         .scale = ParameterScale::logarithmic,
+         .meaning = "electrons per count of the readout mode in force, without EM gain"},
+        &ReadoutMode::electrons_per_count},
+       {{.key = "read_noise_e",
+         .unit = "e",
+         .minimum = 0,
+         .maximum = 1e6,
+         .meaning = "read noise of the readout mode in force, rms, without EM gain"},
+        &ReadoutMode::read_noise_e}}};
+  return figures;
+}
+
+namespace {
+
+const ReadoutFigure& figure_named(std::string_view name, std::string_view place) {
+  std::vector<std::string> names;
+  for (const ReadoutFigure& figure : readout_figures()) {
+    if (figure.declaration.key == name) return figure;
+    names.push_back(figure.declaration.key);
+  }
+  throw_unknown(place, "figure of a readout mode", name, names);
+}
+
+}  // namespace
+
+double readout_figure(const Lab& lab, std::string_view name) {
+  return mode_in_force(lab).*figure_named(name, "lab").member;
+}
+
+void set_readout_figure(Lab& lab, std::string_view name, double value, std::string_view place) {
+  const ReadoutFigure& figure = figure_named(name, place);
+  check_value(figure.declaration, value, fmt::format("{}: {}", place, name));
+  std::visit(
+      [&](auto& sensor) {
+        sensor.readout_modes.at(static_cast<std::size_t>(lab.settings.readout_mode)).*figure.member = value;
+      },
+      lab.sensor);
 }
 
 std::string readout_mode_name(CameraKind kind, const ReadoutMode& mode) {

@@ -73,7 +73,8 @@ std::vector<KeyInfo> list_keys(const Lab& lab) {
   std::vector<KeyInfo> keys;
   for (const LabText& text : lab_texts(lab.kind())) keys.push_back(info_of(lab, text));
   for (const LabParameter& parameter : lab_parameters(lab.kind())) {
-    if (!parameter.written || parameter.written(lab)) keys.push_back(info_of(lab, parameter));
+    const bool effect = parameter.declaration.key.starts_with("effects.");
+    if (effect || !parameter.written || parameter.written(lab)) keys.push_back(info_of(lab, parameter));
   }
   return keys;
 }

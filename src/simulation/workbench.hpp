@@ -32,7 +32,7 @@ struct KeyInfo {
   bool text = false, integer = false, boolean = false, logarithmic = false;
   bool live = false;  // may change while a camera runs
 };
-/// Every key that `--set` knows for this lab, in the order of a lab file.
+/// Every key of this lab in the order of a lab file, those of effects that are off included.
 std::vector<KeyInfo> list_keys(const Lab& lab);
 
 /// The same of an effect's parameter, under its short key.

@@ -67,13 +67,13 @@ class Camera:
         return key
 
     def _is_readout_figure(self, name: str) -> bool:
-        return name in self._lab._core.readout_mode()
+        return name in self._lab._inner.readout_mode()
 
     def __getattr__(self, name: str) -> Value:
         if name.startswith("_"):
             raise AttributeError(name)
         if self._is_readout_figure(name):
-            return self._lab._core.readout_mode()[name]  # type: ignore[no-any-return]
+            return self._lab._inner.readout_mode()[name]  # type: ignore[no-any-return]
         try:
             return self._lab[self._key(name)]
         except Error as refused:
@@ -81,7 +81,7 @@ class Camera:
 
     def __setattr__(self, name: str, value: Value) -> None:
         if self._is_readout_figure(name):
-            self._lab._core.put_readout_figure(name, value)
+            self._lab._inner.put_readout_figure(name, value)
         else:
             self._lab[self._key(name)] = value
 
@@ -94,7 +94,7 @@ class Camera:
     def settings(self) -> dict[str, Value]:
         """Every setting by its name."""
         keys = [key for key in self._lab.keys() if key.partition(".")[0] in _TABLES]
-        return {key.partition(".")[2]: self._lab[key] for key in keys} | self._lab._core.readout_mode()
+        return {key.partition(".")[2]: self._lab[key] for key in keys} | self._lab._inner.readout_mode()
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.settings()]

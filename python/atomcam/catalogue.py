@@ -43,13 +43,12 @@ class Effect:
 
 
 def _effect(one: dict[str, Any]) -> Effect:
-    return Effect(
-        **{
-            **one,
-            "observables": tuple(one["observables"]),
-            "parameters": tuple(Parameter(**parameter) for parameter in one["parameters"]),
-        }
-    )
+    members: dict[str, Any] = {
+        **one,
+        "observables": tuple(one["observables"]),
+        "parameters": tuple(Parameter(**parameter) for parameter in one["parameters"]),
+    }
+    return Effect(**members)
 
 
 def effects() -> tuple[Effect, ...]:

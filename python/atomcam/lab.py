@@ -29,11 +29,11 @@ class Lab:
     the camera. Labs can be copied, compared and pickled.
     """
 
-    _core: _core.Lab
+    _inner: _core.Lab
 
     def __init__(self, settings: Mapping[str, Value] | None = None, *, preset: str = "ixon-ultra-897") -> None:
         """A preset, with some keys of its own."""
-        self._core = _core.Lab.load(_one_of_the_presets(preset))
+        self._inner = _core.Lab.load(_one_of_the_presets(preset))
         self.update(settings or {})
 
     @classmethod
@@ -54,36 +54,36 @@ class Lab:
     @classmethod
     def _around(cls, core: _core.Lab) -> Lab:
         lab = cls.__new__(cls)
-        lab._core = core
+        lab._inner = core
         return lab
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes a lab file, .toml (with comments) or .json."""
-        self._core.save(os.fspath(path))
+        self._inner.save(os.fspath(path))
 
     def text(self, *, json: bool = False, commented: bool = False) -> str:
         """The text of the lab's file, every key with its value."""
-        return self._core.text(json, commented)
+        return self._inner.text(json, commented)
 
     def copy(self) -> Lab:
         """The same lab again, to be changed apart from this one."""
-        return self._around(self._core.copy())
+        return self._around(self._inner.copy())
 
     # Keys
 
     def __getitem__(self, key: str) -> Value:
-        return self._core.get(key)
+        return self._inner.get(key)
 
     def __setitem__(self, key: str, value: Value) -> None:
-        self._core.put({key: value})
+        self._inner.put({key: value})
 
     def update(self, settings: Mapping[str, Value]) -> None:
         """Sets several keys: all of them, or none if one is refused."""
-        self._core.put(dict(settings))
+        self._inner.put(dict(settings))
 
     def keys(self) -> tuple[str, ...]:
         """Every key of this kind of lab, those of effects that are off included."""
-        return tuple(one["key"] for one in self._core.keys())
+        return tuple(one["key"] for one in self._inner.keys())
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.keys())
@@ -97,18 +97,18 @@ class Lab:
 
     def parameters(self) -> tuple[Parameter, ...]:
         """What is known of every key: unit, range, meaning, source of the preset's value."""
-        return tuple(Parameter(**one) for one in self._core.keys())
+        return tuple(Parameter(**one) for one in self._inner.keys())
 
     def check(self) -> None:
         """Raises `atomcam.Error` if keys do not fit together."""
-        self._core.check()
+        self._inner.check()
 
     # Parts
 
     @property
     def kind(self) -> str:
         """Of the camera: "emccd" or "qcmos"."""
-        return self._core.kind()
+        return self._inner.kind()
 
     @property
     def camera(self) -> Camera:
@@ -118,38 +118,38 @@ class Lab:
 
     @camera.setter
     def camera(self, camera: Camera) -> None:
-        self._core.use_camera(camera._lab._core)
+        self._inner.use_camera(camera._lab._inner)
 
     @property
     def sites(self) -> np.ndarray[Any, Any]:
         """float64 [site, 3]: x_px, y_px in pixels of the whole sensor, and relative brightness. A copy; set it (also
         [site, 2]) to replace the grid or list."""
-        return self._core.sites()
+        return self._inner.sites()
 
     @sites.setter
     def sites(self, sites: Any) -> None:
-        self._core.put_sites(np.asarray(sites, np.float64))
+        self._inner.put_sites(np.asarray(sites, np.float64))
 
     @property
     def occupancies(self) -> np.ndarray[Any, Any] | None:
         """bool [shot, site]: who is filled at the beginning of each shot, used in turn. None: drawn by chance."""
-        given = self._core.occupancies()
+        given = self._inner.occupancies()
         return given if len(given) else None
 
     @occupancies.setter
     def occupancies(self, occupancies: Any) -> None:
         if occupancies is None:
-            self._core.put_occupancies(np.empty((0, len(self.sites)), np.uint8))
+            self._inner.put_occupancies(np.empty((0, len(self.sites)), np.uint8))
             return
         given = np.asarray(occupancies)
         if not np.isin(given, (0, 1)).all():
             raise error("occupancies", "allowed bool, 0 or 1")
-        self._core.put_occupancies(given.astype(np.uint8))
+        self._inner.put_occupancies(given.astype(np.uint8))
 
     @property
     def frame_shape(self) -> tuple[int, int]:
         """Rows and columns of a frame: the region over the binning."""
-        return self._core.frame_shape()
+        return self._inner.frame_shape()
 
     # Frames
 
@@ -181,7 +181,7 @@ class Lab:
         frames, first = _whole("frames", frames, 0, 2**31 - 1), _whole("first", first)
         counts = np.empty((frames, *self.frame_shape), np.uint16) if out is None else out
         truth = Truth.empty(first, frames, len(self.sites))
-        self._core.render_into(counts, truth.arrays(), first, _seed(seed), _threads(threads))
+        self._inner.render_into(counts, truth.arrays(), first, _seed(seed), _threads(threads))
         return counts, truth
 
     def batches(
@@ -257,7 +257,7 @@ class Lab:
     def expected_electrons(self, frame: int = 0, *, seed: int | None = None) -> np.ndarray[Any, Any]:
         """float32 [row, column]: expected photo-electrons per pixel of that frame, its atoms as drawn and its stray
         light; without dark current and clock-induced charge."""
-        return self._core.expected_electrons(_whole("frame", frame), _seed(seed))
+        return self._inner.expected_electrons(_whole("frame", frame), _seed(seed))
 
     def point_spread_function(
         self, shape: tuple[int, int] = (33, 33), *, x_px: float = 0, y_px: float = 0, oversampling: int = 1
@@ -272,7 +272,7 @@ class Lab:
         oversampling : pixels of the picture per physical pixel, along each axis.
         """
         rows, columns = shape
-        return self._core.point_spread_function((rows, columns), x_px, y_px, oversampling)
+        return self._inner.point_spread_function((rows, columns), x_px, y_px, oversampling)
 
     # Values
 

@@ -1,0 +1,592 @@
+#include "calibration/calibrate.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <numeric>
+
+#include "base/error.hpp"
+#include "calibration/site_model.hpp"
+#include "optics/zernike.hpp"
+
+namespace atomcam {
+namespace {
+
+/// The frames of another sequence that a rule admits.
+class Selected : public FrameSequence {
+ public:
+  Selected(const FrameSequence& all, const std::function<bool(std::size_t)>& use) : all_(all), use_(use) {
+    for (std::size_t n = 0; n < all.frames(); ++n) count_ += !use || use(n);
+  }
+  std::size_t frames() const override { return count_; }
+  Shape shape() const override { return all_.shape(); }
+  void visit(const std::function<void(std::size_t, const CountImage&)>& take) const override {
+    std::size_t k = 0;
+    all_.visit([&](std::size_t n, const CountImage& frame) {
+      if (!use_ || use_(n)) take(k++, frame);
+    });
+  }
+
+ private:
+  const FrameSequence& all_;
+  const std::function<bool(std::size_t)>& use_;
+  std::size_t count_ = 0;
+};
+
+CountHistogram histogram_of(const std::vector<std::uint64_t>& occurrences, double bias, double noise,
+                            double counts_per_electron) {
+  CountHistogram histogram;
+  const double reach = std::max(12.0, 14 * counts_per_electron);
+  const int last_seen = [&] {
+    int last = 0;
+    for (int c = 0; c < 65536; ++c)
+      if (occurrences[static_cast<std::size_t>(c)]) last = c;
+    return last;
+  }();
+  histogram.first = std::max(0, static_cast<int>(bias - 9 * noise));
+  const int last = std::min(std::max(static_cast<int>(bias + 9 * noise), last_seen),
+                            static_cast<int>(bias + 9 * noise + reach));
+  for (int c = histogram.first; c <= std::min(last, 65535); ++c)
+    histogram.occurrences.push_back(occurrences[static_cast<std::size_t>(c)]);
+  return histogram;
+}
+
+/// Mode and left-hand width of a histogram: bias and read noise to start from.
+void start_from_histogram(const std::vector<std::uint64_t>& occurrences, double& bias, double& noise) {
+  std::uint64_t total = 0;
+  std::size_t mode = 0;
+  double best = -1;
+  for (std::size_t c = 0; c < occurrences.size(); ++c) {
+    total += occurrences[c];
+    double near = 0;
+    for (std::size_t k = c >= 1 ? c - 1 : 0; k <= std::min<std::size_t>(c + 1, 65535); ++k)
+      near += static_cast<double>(occurrences[k]);
+    if (near > best) best = near, mode = c;
+  }
+  bias = static_cast<double>(mode);
+  // Half of what lies below the mode belongs to the 0.6745 sigma beneath it.
+  double below = 0;
+  for (std::size_t c = 0; c < mode; ++c) below += static_cast<double>(occurrences[c]);
+  below += 0.5 * static_cast<double>(occurrences[mode]);
+  double sum = 0.5 * static_cast<double>(occurrences[mode]);
+  for (std::size_t c = mode; c-- > 0;) {
+    const double next = sum + static_cast<double>(occurrences[c]);
+    if (next >= 0.6827 * below) {
+      const double part = (0.6827 * below - sum) / std::max(1.0, next - sum);
+      noise = std::max(0.4, static_cast<double>(mode - c) - 0.5 + part);
+      return;
+    }
+    sum = next;
+  }
+  noise = std::max(noise, 0.4);
+}
+
+class Calibrator {
+ public:
+  explicit Calibrator(const CalibrationInput& input)
+      : input_(input), notes_(input.notes), frames_(*input.frames, input.use) {
+    check();
+  }
+
+  Calibration run() {
+    result_.lab = lab_of_notes(notes_);
+    result_.has_sites = notes_.grid.has_value();
+    tell("reading frames", 0);
+    light_ = sum_stack(frames_);
+    if (input_.darks) {
+      Selected darks(*input_.darks, input_.use);
+      dark_ = sum_stack(darks.frames() >= 4 ? static_cast<const FrameSequence&>(darks) : *input_.darks);
+    }
+    check_saturation();
+    tell("sensor", 0.2);
+    fit_sensor();
+    if (result_.has_sites) {
+      fit_sites();
+      refine_gain();
+      tell("atoms", 0.8);
+      fit_atom_light();
+    } else {
+      no_sites();
+    }
+    write_lab_values();
+    result_.model = stack_model(result_.lab);
+    tell("done", 1);
+    return std::move(result_);
+  }
+
+ private:
+  bool emccd() const { return notes_.kind == CameraKind::emccd; }
+  bool multiplied() const { return emccd() && notes_.em_gain > 1; }
+  double excess() const { return multiplied() ? 2 - 1 / em_gain_ : 1; }
+  double counts_per_electron() const { return em_gain_ / electrons_per_count_; }
+  void tell(std::string_view step, double done) const {
+    if (input_.progress) input_.progress(step, done);
+  }
+
+  void check() {
+    const Shape shape = frames_.shape();
+    if (frames_.frames() < 8)
+      throw Error("frames", fmt::format("{} frames are too few to calibrate from, 8 or more are needed",
+                                        frames_.frames()));
+    if (notes_.shape.rows == 0) notes_.shape = shape;
+    if (!(shape == notes_.shape))
+      throw Error(notes_.place + ": shape",
+                  fmt::format("is {} x {}, but the frames have {} rows and {} columns", notes_.shape.rows,
+                              notes_.shape.columns, shape.rows, shape.columns));
+    if (input_.darks && !(input_.darks->shape() == shape))
+      throw Error("darks",
+                  fmt::format("have {} rows and {} columns, the frames {} and {}", input_.darks->shape().rows,
+                              input_.darks->shape().columns, shape.rows, shape.columns));
+    if (notes_.grid)
+      for (const int j : {0, notes_.grid->rows - 1})
+        for (const int i : {0, notes_.grid->columns - 1}) {
+          const double x = notes_.grid->first_x_px + i * notes_.grid->spacing_px,
+                       y = notes_.grid->first_y_px + j * notes_.grid->spacing_px;
+          const double slack = 0.15 * std::max(shape.columns, shape.rows) + 3;
+          if (x < -slack || y < -slack || x > shape.columns + slack || y > shape.rows + slack)
+            throw Error(
+                notes_.place + ": site_grid",
+                fmt::format("puts a site at x {:.1f}, y {:.1f}, outside of the frames of {} x {} pixels", x,
+                            y, shape.columns, shape.rows));
+        }
+  }
+
+  void check_saturation() const {
+    // Saturated: many pixels at the very top of what occurs.
+    std::size_t top = 65535;
+    while (top > 0 && light_.occurrences[top] == 0) --top;
+    const double all = static_cast<double>(light_.frames) * static_cast<double>(light_.sum.pixels().size());
+    if (static_cast<double>(light_.occurrences[top]) > 0.01 * all + 50 && top > 1000)
+      throw Error("frames", fmt::format("{:.1f} % of the pixels have the largest value {}: saturated",
+                                        100 * static_cast<double>(light_.occurrences[top]) / all, top));
+    bool constant = true;
+    for (std::size_t i = 0; i < light_.sum.pixels().size() && constant; ++i)
+      constant = light_.variance(i) == 0;
+    if (constant) throw Error("frames", "all frames are the same: nothing to calibrate from");
+  }
+
+  // The dark frames, or the darkest pixels of the others.
+  void fit_sensor() {
+    electrons_per_count_ = notes_.electrons_per_count;
+    em_gain_ = notes_.em_gain;
+    std::vector<std::uint64_t> occurrences;
+    if (input_.darks) {
+      occurrences = dark_.occurrences;
+    } else if (!result_.has_sites) {
+      occurrences = light_.occurrences;
+    } else {
+      occurrences = darkest_pixels();
+    }
+    bias_ = notes_.bias_counts;
+    noise_ = std::max(0.5, notes_.read_noise_counts);
+    start_from_histogram(occurrences, bias_, noise_);
+    if (emccd()) {
+      CountLaw start;
+      start.bias_counts = bias_;
+      start.read_noise_counts = noise_;
+      start.electrons_per_count = electrons_per_count_;
+      start.em_gain = em_gain_;
+      start.serial_events = notes_.serial_cic_events;
+      CountFitOptions options;
+      options.gain = multiplied();
+      dark_histogram_ = histogram_of(occurrences, bias_, noise_, counts_per_electron());
+      result_.counts = fit_counts({dark_histogram_}, true, start, options);
+      bias_ = result_.counts.law.bias_counts;
+      noise_ = result_.counts.law.read_noise_counts;
+      em_gain_ = result_.counts.law.em_gain;
+      dark_e_ = result_.counts.events_e[0];
+      bias_error_ = result_.counts.bias_error;
+      noise_error_ = result_.counts.read_noise_error;
+      gain_error_ = result_.counts.em_gain_error;
+      dark_error_ = result_.counts.events_error[0];
+    } else {
+      result_.dark_maps = fit_qcmos_darks(input_.darks ? dark_ : light_);
+      const double dark_counts = notes_.dark_e_per_s * notes_.exposure_s / electrons_per_count_;
+      bias_ = result_.dark_maps.bias_counts - (input_.darks ? dark_counts : 0);
+      noise_ = result_.dark_maps.read_noise_counts;
+      bias_error_ = result_.dark_maps.bias_error;
+      noise_error_ = result_.dark_maps.read_noise_error;
+      dark_e_ = notes_.dark_e_per_s * notes_.exposure_s;
+    }
+  }
+
+  std::vector<std::uint64_t> darkest_pixels() const {
+    const std::size_t pixels = light_.sum.pixels().size();
+    std::vector<double> means;
+    for (std::size_t i = 0; i < pixels; ++i) means.push_back(light_.mean(i));
+    std::vector<double> sorted = means;
+    const auto cut = sorted.begin() + static_cast<std::ptrdiff_t>(pixels / 5);
+    std::nth_element(sorted.begin(), cut, sorted.end());
+    std::vector<std::uint64_t> occurrences(65536, 0);
+    frames_.visit([&](std::size_t, const CountImage& frame) {
+      for (std::size_t i = 0; i < pixels; ++i)
+        if (means[i] <= *cut) ++occurrences[frame.pixels()[i]];
+    });
+    return occurrences;
+  }
+
+  double dark_level(std::size_t pixel) const {
+    if (!emccd() && input_.darks) return dark_.mean(pixel);
+    return bias_ + dark_e_ * counts_per_electron();
+  }
+
+  MeanImage mean_image() const {
+    MeanImage mean;
+    mean.electrons = Image<double, unit::electrons>(light_.sum.shape());
+    mean.variance = mean.dark_variance = Image<double, unit::electrons>(light_.sum.shape());
+    const double k = counts_per_electron(), n = static_cast<double>(light_.frames);
+    const std::size_t pixels = light_.sum.pixels().size();
+    mean.variance_per_e = excess() / n;
+    for (std::size_t i = 0; i < pixels; ++i)
+      mean.electrons.pixels()[i] = (light_.mean(i) - dark_level(i)) / k;
+    // Shot noise from the image smoothed a little, so that a low pixel does not weigh more for being low.
+    const int rows = mean.electrons.rows(), columns = mean.electrons.columns();
+    const double read_e = noise_ / k;
+    for (int y = 0; y < rows; ++y)
+      for (int x = 0; x < columns; ++x) {
+        double sum = 0, count = 0;
+        for (int v = std::max(0, y - 1); v <= std::min(rows - 1, y + 1); ++v)
+          for (int u = std::max(0, x - 1); u <= std::min(columns - 1, x + 1); ++u)
+            sum += mean.electrons(v, u), count += 1;
+        const double light = std::max({0.0, sum / count, mean.electrons(y, x)});
+        double variance = (excess() * dark_e_ + read_e * read_e) / n;
+        if (!emccd())
+          variance += input_.darks ? read_e * read_e / static_cast<double>(dark_.frames)
+                                   : std::pow(result_.dark_maps.offset_sigma_counts / k, 2);
+        mean.dark_variance(y, x) = variance + 1e-12;
+        mean.variance(y, x) = variance + mean.variance_per_e * light + 1e-12;
+      }
+    // What stands out from its neighbourhood as no image of a point can (hot pixels) is given no weight.
+    for (int y = 0; y < rows; ++y)
+      for (int x = 0; x < columns; ++x) {
+        double highest = -1e300;
+        for (int v = std::max(0, y - 1); v <= std::min(rows - 1, y + 1); ++v)
+          for (int u = std::max(0, x - 1); u <= std::min(columns - 1, x + 1); ++u)
+            if (u != x || v != y) highest = std::max(highest, mean.electrons(v, u));
+        const double value = mean.electrons(y, x);
+        if (value - std::max(highest, 0.0) > 4 * std::max(highest, 0.0) + 12 * std::sqrt(mean.variance(y, x)))
+          mean.variance(y, x) = 1e12;
+      }
+    return mean;
+  }
+
+  Lattice noted_lattice() const {
+    const NotedGrid& grid = *notes_.grid;
+    Lattice lattice;
+    lattice.columns = grid.columns;
+    lattice.rows = grid.rows;
+    lattice.origin_x = grid.first_x_px;
+    lattice.origin_y = grid.first_y_px;
+    const double angle = grid.angle_deg * 3.14159265358979323846 / 180;
+    lattice.a_x = grid.spacing_px * std::cos(angle);
+    lattice.a_y = grid.spacing_px * std::sin(angle);
+    lattice.b_x = -lattice.a_y;
+    lattice.b_y = lattice.a_x;
+    return lattice;
+  }
+
+  void fit_sites() {
+    tell("sites and optics", 0.3);
+    const MeanImage mean = mean_image();
+    const double pixel_um = notes_.pixel_um / notes_.magnification;
+    const double spot =
+        std::clamp(0.25 * notes_.wavelength_um / notes_.numerical_aperture / pixel_um, 0.7, 4.0);
+    const Lattice found = find_lattice(mean, noted_lattice(), spot);
+    result_.optics = fit_optics(mean, result_.lab.optics, found);
+    const double total =
+        std::max(0.0, std::accumulate(result_.optics.site_e.begin(), result_.optics.site_e.end(), 0.0));
+    mean_site_e_ = total / std::max<std::size_t>(1, result_.optics.site_e.size());
+    const double noise = std::sqrt(mean.variance.pixels()[0]) * 4;
+    if (!(mean_site_e_ > noise))
+      throw Error("frames",
+                  fmt::format("no light where the notes list {} sites: {:.3f} e- a site and frame on "
+                              "average, {:.3f} is the noise",
+                              notes_.grid->rows * notes_.grid->columns, mean_site_e_, noise));
+    for (const double e : result_.optics.site_e) result_.site_brightness.push_back(e / mean_site_e_);
+    place_lattice();
+  }
+
+  void place_lattice() {
+    const Lattice& lattice = result_.optics.lattice;
+    SiteGrid grid;
+    grid.columns = lattice.columns;
+    grid.rows = lattice.rows;
+    grid.offset_x = lattice.origin_x;
+    grid.offset_y = lattice.origin_y;
+    constexpr double degree = 3.14159265358979323846 / 180;
+    grid.spacing_x = std::hypot(lattice.a_x, lattice.a_y);
+    grid.spacing_y = std::hypot(lattice.b_x, lattice.b_y);
+    grid.angle_x_deg = std::atan2(lattice.a_y, lattice.a_x) / degree;
+    grid.angle_y_deg = std::atan2(-lattice.b_x, lattice.b_y) / degree;
+    result_.lab.layout = grid;
+    result_.lab.optics.zernike_um = result_.optics.zernike_um;
+    result_.lab.place_sites();
+  }
+
+  // A stack model with the figures known so far.
+  StackModel current_model() {
+    write_lab_values();
+    StackModel model = stack_model(result_.lab);
+    return model;
+  }
+
+  /// Gain from light: the temporal variance of what the sites' least-squares fit leaves over.
+  void refine_gain() {
+    tell("gain", 0.6);
+    background_e_ = std::max(0.0, result_.optics.background_e);
+    atom_e_ = mean_site_e_ / std::max(0.05, notes_.filling);
+    const StackModel model = current_model();
+    const std::size_t pixels = light_.sum.pixels().size(), sites = model.sites.size();
+    std::vector<double> residual_sum(pixels, 0), light(pixels, 0);
+    const double k = counts_per_electron();
+    std::vector<double> level(pixels);
+    // Light beyond the stamps comes from many sites: its mean is as good as itself.
+    std::vector<double> near(pixels, 0);
+    for (const SiteImage& site : model.sites)
+      for (int r = 0; r < site.share.rows(); ++r)
+        for (int c = 0; c < site.share.columns(); ++c)
+          near[static_cast<std::size_t>(site.top + r) * model.shape.columns + site.left + c] +=
+              site.share(r, c);
+    std::vector<double> far(pixels);
+    for (std::size_t i = 0; i < pixels; ++i) {
+      far[i] = std::max(0.0, static_cast<double>(model.site_light.pixels()[i]) - near[i]);
+      level[i] = dark_level(i) + (background_e_ + mean_site_e_ * far[i]) * k;
+    }
+    brightness_.reserve(frames_.frames() * sites);
+    std::vector<double> rest(pixels);
+    constexpr int blocks = 8;  // of frames, for the error of the photon transfer
+    std::vector<std::vector<double>> squares(blocks, std::vector<double>(pixels, 0));
+    std::size_t visited = 0;
+    frames_.visit([&](std::size_t, const CountImage& frame) {
+      const auto counts = frame.pixels();
+      for (std::size_t i = 0; i < pixels; ++i) {
+        rest[i] = (counts[i] - level[i]) / k;
+      }
+      const std::size_t first = brightness_.size();
+      for (const SiteImage& site : model.sites) {
+        double sum = 0;
+        for (int r = 0; r < site.weight.rows(); ++r) {
+          const double* row = &rest[static_cast<std::size_t>(site.top + r) * model.shape.columns + site.left];
+          const auto weight = site.weight.row(r);
+          for (int c = 0; c < site.weight.columns(); ++c) sum += static_cast<double>(weight[c]) * row[c];
+        }
+        brightness_.push_back(static_cast<float>(sum));
+      }
+      for (std::size_t s = 0; s < sites; ++s) {
+        const SiteImage& site = model.sites[s];
+        const double e = brightness_[first + s];
+        for (int r = 0; r < site.share.rows(); ++r) {
+          const std::size_t at = static_cast<std::size_t>(site.top + r) * model.shape.columns + site.left;
+          const auto share = site.share.row(r);
+          for (int c = 0; c < site.share.columns(); ++c) {
+            rest[at + c] -= e * static_cast<double>(share[c]);
+            light[at + c] += e * static_cast<double>(share[c]);
+          }
+        }
+      }
+      const int block = static_cast<int>(visited++ % blocks);
+      for (std::size_t i = 0; i < pixels; ++i) {
+        residual_sum[i] += rest[i];
+        squares[static_cast<std::size_t>(block)][i] += rest[i] * rest[i];
+      }
+    });
+    const double n = static_cast<double>(light_.frames);
+
+    // Photon transfer over the lit pixels: the variance of the rest against the light. The rest of pixel p is
+    // sum_q (1 - H)(p, q) counts(q), H = share weight^T: its variance summed over p is sum_q v(q) c(q) with
+    // c = 1 - 2 H(q, q) + sum_p H(p, q)^2.
+    const std::vector<double> kept = kept_variance(model);
+    std::vector<double> by_block;
+    double signal = 0, floor = 0;
+    const std::vector<std::uint8_t> odd = odd_pixels();
+    for (std::size_t i = 0; i < pixels; ++i) {
+      if (odd[i]) continue;
+      const double read = (noise_ * noise_ + 1.0 / 12) / (k * k);
+      const double read_here = !emccd() && input_.darks ? dark_.variance(i) / (k * k) : read;
+      floor += kept[i] * (read_here + (emccd() ? excess() * dark_e_ : 0));
+      signal += kept[i] * (light[i] / n + background_e_ + mean_site_e_ * far[i]);
+    }
+    double mean = 0, spread = 0;
+    for (int block = 0; block < blocks; ++block) {
+      double variance = 0, frames = std::floor((n - block - 1) / blocks) + 1;
+      for (std::size_t i = 0; i < pixels; ++i) {
+        const double m = residual_sum[i] / n;
+        if (!odd[i]) variance += (squares[static_cast<std::size_t>(block)][i] / frames - m * m) * n / (n - 1);
+      }
+      by_block.push_back((variance - floor) / signal);
+      mean += by_block.back() / blocks;
+    }
+    for (const double value : by_block) spread += (value - mean) * (value - mean) / (blocks - 1);
+    // In units of the gain so far: 1 if it was right.
+    const double ratio = mean / excess(), ratio_error = std::sqrt(spread / blocks) / excess();
+    if (!(ratio > 0.3 && ratio < 3)) return;
+    double correction = ratio;
+    if (multiplied()) {
+      // Together with the tail of the histogram, each by its own error.
+      const double tail_error = std::max(1e-6, gain_error_ / em_gain_);
+      const double a = 1 / (tail_error * tail_error), b = 1 / (ratio_error * ratio_error);
+      correction = (a + b * ratio) / (a + b);
+      em_gain_ *= correction;
+      gain_error_ = em_gain_ / std::sqrt(a + b);
+      dark_e_ /= correction;
+    } else {
+      electrons_per_count_ /= ratio;
+      epc_error_ = electrons_per_count_ * ratio_error;
+    }
+    for (float& e : brightness_) e = static_cast<float>(e / correction);
+    mean_site_e_ /= correction;
+    background_e_ /= correction;
+  }
+
+  /// Pixels that are much noisier or brighter in the dark than the others.
+  std::vector<std::uint8_t> odd_pixels() const {
+    const std::size_t pixels = light_.sum.pixels().size();
+    std::vector<std::uint8_t> odd(pixels, 0);
+    if (!input_.darks) return odd;
+    const auto middle = [&](auto value) {
+      std::vector<double> values(pixels);
+      for (std::size_t i = 0; i < pixels; ++i) values[i] = value(i);
+      std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(pixels / 2),
+                       values.end());
+      return values[pixels / 2];
+    };
+    const double variance = middle([&](std::size_t i) { return dark_.variance(i); });
+    const double level = middle([&](std::size_t i) { return dark_.mean(i); });
+    const double step = emccd() ? 1.0 * counts_per_electron() : 8 * noise_;
+    for (std::size_t i = 0; i < pixels; ++i)
+      odd[i] = (!emccd() && dark_.variance(i) > 3 * variance) || dark_.mean(i) > level + step;
+    return odd;
+  }
+
+  static std::vector<double> kept_variance(const StackModel& model) {
+    const int columns = model.shape.columns;
+    std::vector<std::vector<std::uint32_t>> covering(model.shape.pixels());
+    for (std::size_t s = 0; s < model.sites.size(); ++s)
+      for (int r = 0; r < model.sites[s].share.rows(); ++r)
+        for (int c = 0; c < model.sites[s].share.columns(); ++c)
+          covering[static_cast<std::size_t>(model.sites[s].top + r) * columns + model.sites[s].left + c]
+              .push_back(static_cast<std::uint32_t>(s));
+    const std::size_t count = model.sites.size();
+    std::vector<double> products(count * count, -1);
+    const auto product = [&](std::size_t a, std::size_t b) {
+      double& known = products[a * count + b];
+      if (known >= 0) return known;
+      const SiteImage &one = model.sites[a], &two = model.sites[b];
+      double sum = 0;
+      for (int r = std::max(one.top, two.top);
+           r < std::min(one.top + one.share.rows(), two.top + two.share.rows()); ++r)
+        for (int c = std::max(one.left, two.left);
+             c < std::min(one.left + one.share.columns(), two.left + two.share.columns()); ++c)
+          sum += static_cast<double>(one.share(r - one.top, c - one.left)) *
+                 two.share(r - two.top, c - two.left);
+      products[b * count + a] = sum;
+      return known = sum;
+    };
+    std::vector<double> kept(model.shape.pixels(), 1);
+    for (std::size_t i = 0; i < kept.size(); ++i) {
+      const int r = static_cast<int>(i) / columns, c = static_cast<int>(i) % columns;
+      for (const std::uint32_t a : covering[i]) {
+        const SiteImage& one = model.sites[a];
+        const double weight = one.weight(r - one.top, c - one.left);
+        kept[i] -= 2 * weight * static_cast<double>(one.share(r - one.top, c - one.left));
+        for (const std::uint32_t b : covering[i]) {
+          const SiteImage& two = model.sites[b];
+          kept[i] += weight * static_cast<double>(two.weight(r - two.top, c - two.left)) * product(a, b);
+        }
+      }
+    }
+    return kept;
+  }
+
+  void fit_atom_light() {
+    // From the 98 % quantile: close to the light of an atom that stays.
+    std::vector<float> sorted = brightness_;
+    const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(static_cast<double>(sorted.size()) * 0.9);
+    std::nth_element(sorted.begin(), at, sorted.end());
+    const double filling_seen =
+        std::clamp(mean_site_e_ / std::max(1e-6, static_cast<double>(*at)), 0.02, 0.98);
+    atom_e_ = std::max(1e-3, static_cast<double>(*at));
+    write_lab_values();
+    const SiteNoise noise = site_noise(stack_model(result_.lab));
+    BrightnessNoise expected;
+    expected.empty_variance = noise.empty_variance;
+    expected.empty_skewness = noise.empty_third / std::pow(noise.empty_variance, 1.5);
+    expected.variance_per_e = noise.variance_per_e;
+    expected.third_per_e = noise.third_per_e;
+    result_.atoms = fit_atoms(brightness_, expected, std::clamp(filling_seen, 0.05, 0.95),
+                              std::clamp(notes_.survival, 0.3, 0.995), atom_e_);
+    atom_e_ = result_.atoms.atom_e;
+  }
+
+  void no_sites() {
+    // Uniform light, if any: what lies above the dark frames.
+    atom_e_ = 0;
+    if (!input_.darks) {
+      background_e_ = emccd() ? std::max(0.0, result_.counts.events_e[0] - noted_dark_e()) : 0;
+      dark_e_ = emccd() ? result_.counts.events_e[0] - background_e_ : dark_e_;
+      return;
+    }
+    double light = 0, dark = 0;
+    for (std::size_t i = 0; i < light_.sum.pixels().size(); ++i)
+      light += light_.mean(i), dark += dark_.mean(i);
+    background_e_ = std::max(
+        0.0, (light - dark) / static_cast<double>(light_.sum.pixels().size()) / counts_per_electron());
+  }
+
+  double noted_dark_e() const {
+    return notes_.dark_e_per_s * notes_.exposure_s + notes_.clock_induced_charge_e;
+  }
+
+  void write_lab_values() {
+    Lab& lab = result_.lab;
+    lab.settings.bias_counts = bias_;
+    lab.settings.em_gain = em_gain_;
+    const double collected = collected_fraction(lab.optics.numerical_aperture) * lab.optics.transmission *
+                             notes_.quantum_efficiency * notes_.exposure_s;
+    lab.scene.scattering_rate_hz = collected > 0 ? atom_e_ / collected : notes_.scattering_rate_hz;
+    if (result_.atoms.atom_e > 0) {
+      lab.scene.filling = result_.atoms.filling;
+      lab.scene.survival = result_.atoms.survival;
+    }
+    lab.stray_light_photons_per_s =
+        notes_.exposure_s > 0 ? background_e_ / notes_.quantum_efficiency / notes_.exposure_s : 0;
+    if (auto* sensor = std::get_if<EmccdDescription>(&lab.sensor)) {
+      ReadoutMode& mode = sensor->readout_modes.front();
+      mode.electrons_per_count = electrons_per_count_;
+      mode.read_noise_e = noise_ * electrons_per_count_;
+      const double thermal = std::min(sensor->dark_rate_e_per_s * notes_.exposure_s, dark_e_);
+      sensor->dark_rate_e_per_s = notes_.exposure_s > 0 ? thermal / notes_.exposure_s : 0;
+      sensor->clock_induced_charge_e = std::max(0.0, dark_e_ - thermal);
+    } else {
+      auto& qcmos = std::get<QcmosDescription>(lab.sensor);
+      ReadoutMode& mode = qcmos.readout_modes.front();
+      mode.electrons_per_count = electrons_per_count_;
+      mode.read_noise_e = noise_ * electrons_per_count_;
+      qcmos.read_noise_log_sigma = result_.dark_maps.read_noise_log_sigma;
+      qcmos.offset_sigma_counts = result_.dark_maps.offset_sigma_counts;
+      qcmos.column_gumbel_counts = result_.dark_maps.column_gumbel_counts;
+      qcmos.row_offset_sigma_counts = result_.dark_maps.row_offset_sigma_counts;
+    }
+  }
+
+  const CalibrationInput& input_;
+  Notes notes_;
+  Selected frames_;
+  Calibration result_;
+  StackSums light_, dark_;
+  CountHistogram dark_histogram_;
+  std::vector<float> brightness_;
+  double bias_ = 0, noise_ = 1, em_gain_ = 1, electrons_per_count_ = 1, dark_e_ = 0, background_e_ = 0,
+         atom_e_ = 0, mean_site_e_ = 0;
+  double bias_error_ = 0, noise_error_ = 0, gain_error_ = 0, dark_error_ = 0, epc_error_ = 0;
+};
+
+}  // namespace
+
+Calibration calibrate(const CalibrationInput& input) {
+  return Calibrator(input).run();
+}
+
+}  // namespace atomcam

@@ -1,0 +1,65 @@
+#include "calibration/count_law.hpp"
+
+#include <fftw3.h>
+
+#include <cmath>
+#include <complex>
+#include <map>
+#include <mutex>
+#include <numbers>
+#include <numeric>
+
+namespace atomcam {
+namespace {
+
+/// Plans are made once per size; executing one on other arrays is thread safe.
+fftw_plan inverse_plan(int size) {
+  static std::mutex mutex;
+  static std::map<int, fftw_plan> plans;
+  const std::lock_guard lock(mutex);
+  const auto found = plans.find(size);
+  if (found != plans.end()) return found->second;
+  auto* in = fftw_alloc_complex(static_cast<std::size_t>(size) / 2 + 1);
+  auto* out = fftw_alloc_real(static_cast<std::size_t>(size));
+  const fftw_plan plan = fftw_plan_dft_c2r_1d(size, in, out, FFTW_ESTIMATE | FFTW_UNALIGNED);
+  fftw_free(in);
+  fftw_free(out);
+  return plans[size] = plan;
+}
+
+}  // namespace
+
+std::uint64_t CountHistogram::total() const {
+  return std::accumulate(occurrences.begin(), occurrences.end(), std::uint64_t{0});
+}
+
+std::vector<double> count_probabilities(const CountLaw& law, int first, int size) {
+  using Complex = std::complex<double>;
+  std::vector<Complex> spectrum(static_cast<std::size_t>(size) / 2 + 1);
+  const double g = std::max(1.0, law.em_gain), log_g = std::log(g);
+  for (int k = 0; k <= size / 2; ++k) {
+    const double t = 2 * std::numbers::pi * k / size;
+    const Complex s = std::polar(1.0, t / law.electrons_per_count);
+    const Complex one = s / (g - (g - 1) * s);
+    const Complex shortfall = law.events_e * (1.0 - one);
+    Complex log_value = law.events_spread > 1e-9
+                            ? -std::log(1.0 + law.events_spread * shortfall) / law.events_spread
+                            : -shortfall;
+    if (law.serial_events > 0 && g > 1 + 1e-9)
+      log_value += law.serial_events * (-std::log(1.0 - s + s / g) / log_g - 1.0);
+    const double sigma = law.read_noise_counts * t;
+    log_value -= 0.5 * sigma * sigma;
+    const double half = 0.5 * t;
+    const double rounding = k == 0 ? 1 : std::sin(half) / half;
+    // A real transform of a law that starts at `first`: exp(+i t X) taken at -t.
+    spectrum[static_cast<std::size_t>(k)] =
+        std::conj(std::exp(log_value) * rounding * std::polar(1.0, t * (law.bias_counts - first)));
+  }
+  std::vector<double> probabilities(static_cast<std::size_t>(size));
+  fftw_execute_dft_c2r(inverse_plan(size), reinterpret_cast<fftw_complex*>(spectrum.data()),
+                       probabilities.data());
+  for (double& p : probabilities) p = std::max(0.0, p / size);
+  return probabilities;
+}
+
+}  // namespace atomcam

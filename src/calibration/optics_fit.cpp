@@ -1,0 +1,395 @@
+#include "calibration/optics_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "calibration/pupil_image.hpp"
+
+namespace atomcam {
+namespace {
+
+constexpr int lattice_parameters = 6;
+constexpr int shape_parameters = lattice_parameters + fitted_zernikes;
+
+/// Cubic interpolation of the fine image at one sub-pixel position: four weights and their slopes.
+struct CubicWeights {
+  double value[4], slope[4];
+  explicit CubicWeights(double t) {  // between samples 0 and 1 of -1, 0, 1, 2
+    value[0] = -t * (t - 1) * (t - 2) / 6;
+    value[1] = (t + 1) * (t - 1) * (t - 2) / 2;
+    value[2] = -(t + 1) * t * (t - 2) / 2;
+    value[3] = (t + 1) * t * (t - 1) / 6;
+    slope[0] = -(3 * t * t - 6 * t + 2) / 6;
+    slope[1] = (3 * t * t - 4 * t - 1) / 2;
+    slope[2] = -(3 * t * t - 2 * t - 2) / 2;
+    slope[3] = (3 * t * t - 1) / 6;
+  }
+};
+
+struct Stamp {
+  int left = 0, top = 0, width = 0, height = 0;
+  double x = 0, y = 0;
+};
+
+class Model {
+ public:
+  Model(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start, int radius_px)
+      : mean_(mean), pupil_image_(optics, radius_px), lattice_(start) {}
+
+  int sites() const { return lattice_.sites(); }
+  Eigen::Index size() const { return shape_parameters + sites() + 1; }
+
+  Lattice lattice(const Eigen::VectorXd& p) const {
+    Lattice moved = lattice_;
+    moved.a_x = p(2), moved.a_y = p(3), moved.b_x = p(4), moved.b_y = p(5);
+    const double i = (lattice_.columns - 1) / 2.0, j = (lattice_.rows - 1) / 2.0;
+    moved.origin_x = p(0) - i * p(2) - j * p(4);
+    moved.origin_y = p(1) - i * p(3) - j * p(5);
+    return moved;
+  }
+  static std::array<double, zernike_terms> zernike(const Eigen::VectorXd& p) {
+    std::array<double, zernike_terms> values{};
+    for (int k = 0; k < fitted_zernikes; ++k) values[k + first_fitted_zernike] = p(lattice_parameters + k);
+    return values;
+  }
+  Eigen::VectorXd start(double defocus_um, double spherical_um) const {
+    Eigen::VectorXd p = Eigen::VectorXd::Zero(size());
+    const double i = (lattice_.columns - 1) / 2.0, j = (lattice_.rows - 1) / 2.0;
+    p(0) = lattice_.origin_x + i * lattice_.a_x + j * lattice_.b_x;
+    p(1) = lattice_.origin_y + i * lattice_.a_y + j * lattice_.b_y;
+    p(2) = lattice_.a_x, p(3) = lattice_.a_y, p(4) = lattice_.b_x, p(5) = lattice_.b_y;
+    p(lattice_parameters) = defocus_um;
+    p(lattice_parameters + 1) = p(lattice_parameters + 2) = 0.003;
+    p(lattice_parameters + 10 - first_fitted_zernike) = spherical_um;
+    return p;
+  }
+  /// The sites' brightness and the background that fit best at these shapes.
+  void solve_linear(Eigen::VectorXd& p) const {
+    Eigen::VectorXd at = p;
+    at.tail(sites() + 1).setZero();
+    const Likelihood linear = evaluate(at, true, true);
+    const Eigen::Index n = sites() + 1;
+    Eigen::MatrixXd information = linear.information.bottomRightCorner(n, n);
+    information.diagonal().array() += 1e-9 * information.diagonal().maxCoeff();
+    p.tail(n) = -information.ldlt().solve(linear.gradient.tail(n));
+  }
+
+  /// Expected electrons per pixel, row by row.
+  Eigen::ArrayXd image(const Eigen::VectorXd& p) const {
+    Eigen::ArrayXd image;
+    evaluate(p, false, false, &image);
+    return image;
+  }
+
+  Likelihood evaluate(const Eigen::VectorXd& p, bool derivatives, bool linear_only = false,
+                      Eigen::ArrayXd* image = nullptr) const {
+    const Lattice where = lattice(p);
+    const bool shapes = derivatives && !linear_only;
+    const FineImage fine = pupil_image_(zernike(p), shapes);
+    const int rows = mean_.electrons.rows(), columns = mean_.electrons.columns();
+    const Eigen::Index pixels = static_cast<Eigen::Index>(rows) * columns;
+    Eigen::ArrayXd model = Eigen::ArrayXd::Constant(pixels, p(size() - 1));
+    Eigen::ArrayXXd by_shape;
+    if (shapes) by_shape.setZero(pixels, shape_parameters);
+
+    const int radius = pupil_image_.radius_px();
+    std::vector<Stamp> stamps(static_cast<std::size_t>(sites()));
+    std::vector<Eigen::ArrayXd> shares(stamps.size());
+    for (int j = 0, s = 0; j < where.rows; ++j)
+      for (int i = 0; i < where.columns; ++i, ++s) {
+        Stamp& stamp = stamps[s];
+        stamp.x = where.x(i, j);
+        stamp.y = where.y(i, j);
+        if (!(std::fabs(stamp.x) < 1e6 && std::fabs(stamp.y) < 1e6)) return {};
+        stamp.left = std::clamp(static_cast<int>(std::ceil(stamp.x)) - radius, 0, columns);
+        stamp.top = std::clamp(static_cast<int>(std::ceil(stamp.y)) - radius, 0, rows);
+        stamp.width =
+            std::clamp(static_cast<int>(std::floor(stamp.x)) + radius + 1, stamp.left, columns) - stamp.left;
+        stamp.height =
+            std::clamp(static_cast<int>(std::floor(stamp.y)) + radius + 1, stamp.top, rows) - stamp.top;
+        Eigen::ArrayXd& share = shares[s];
+        share.setZero(static_cast<Eigen::Index>(stamp.width) * stamp.height);
+        if (share.size() == 0) continue;
+        const double amplitude = p(shape_parameters + s);
+        constexpr int m = FineImage::oversampling;
+        // A pixel at c is the sample m (c - x) from the centre: the fraction is the same for all pixels.
+        const double first_x = m * (stamp.left - stamp.x) + fine.centre,
+                     first_y = m * (stamp.top - stamp.y) + fine.centre;
+        const int base_x = static_cast<int>(std::floor(first_x)),
+                  base_y = static_cast<int>(std::floor(first_y));
+        const CubicWeights wx(first_x - base_x), wy(first_y - base_y);
+        for (int r = 0, n = 0; r < stamp.height; ++r)
+          for (int c = 0; c < stamp.width; ++c, ++n) {
+            const int x = base_x + m * c - 1, y = base_y + m * r - 1;
+            const auto block = fine.share.block<4, 4>(y, x);
+            double value = 0, slope_x = 0, slope_y = 0;
+            for (int u = 0; u < 4; ++u)
+              for (int v = 0; v < 4; ++v) {
+                value += wy.value[v] * wx.value[u] * block(v, u);
+                slope_x += wy.value[v] * wx.slope[u] * block(v, u);
+                slope_y += wy.slope[v] * wx.value[u] * block(v, u);
+              }
+            share(n) = value;
+            const Eigen::Index pixel = static_cast<Eigen::Index>(stamp.top + r) * columns + stamp.left + c;
+            model(pixel) += amplitude * value;
+            if (!shapes) continue;
+            const double dx = -m * slope_x * amplitude, dy = -m * slope_y * amplitude;
+            const double ci = i - (where.columns - 1) / 2.0, cj = j - (where.rows - 1) / 2.0;
+            by_shape(pixel, 0) += dx;
+            by_shape(pixel, 1) += dy;
+            by_shape(pixel, 2) += ci * dx;
+            by_shape(pixel, 3) += ci * dy;
+            by_shape(pixel, 4) += cj * dx;
+            by_shape(pixel, 5) += cj * dy;
+            for (int k = 0; k < fitted_zernikes; ++k) {
+              const auto change = fine.by_zernike[k].block<4, 4>(y, x);
+              double sum = 0;
+              for (int u = 0; u < 4; ++u) {
+                double column = 0;
+                for (int v = 0; v < 4; ++v) column += wy.value[v] * change(v, u);
+                sum += wx.value[u] * column;
+              }
+              by_shape(pixel, lattice_parameters + k) += amplitude * sum;
+            }
+          }
+      }
+
+    if (image) *image = model;
+    const Eigen::Map<const Eigen::ArrayXd> data(mean_.electrons.pixels().data(), pixels);
+    const Eigen::Map<const Eigen::ArrayXd> variance(mean_.variance.pixels().data(), pixels);
+    const Eigen::ArrayXd weight = variance.inverse(), residual = model - data;
+    Likelihood out;
+    out.minus_log = 0.5 * (residual.square() * weight).sum();
+    if (!derivatives) return out;
+    out.gradient.setZero(size());
+    out.information.setZero(size(), size());
+    const Eigen::ArrayXd weighted = residual * weight;
+    const Eigen::Index background = size() - 1;
+    Eigen::ArrayXXd weighted_shape;
+    if (shapes) {
+      weighted_shape = by_shape.colwise() * weight;
+      out.gradient.head(shape_parameters) = by_shape.matrix().transpose() * weighted.matrix();
+      out.information.topLeftCorner(shape_parameters, shape_parameters) =
+          by_shape.matrix().transpose() * weighted_shape.matrix();
+      out.information.col(background).head(shape_parameters) = weighted_shape.colwise().sum().matrix();
+    }
+    out.gradient(background) = weighted.sum();
+    out.information(background, background) = weight.sum();
+    for (int s = 0; s < sites(); ++s) {
+      const Stamp& stamp = stamps[s];
+      const Eigen::Index at = shape_parameters + s;
+      for (int r = 0; r < stamp.height; ++r) {
+        const Eigen::Index pixel = static_cast<Eigen::Index>(stamp.top + r) * columns + stamp.left;
+        const auto share = shares[s].segment(static_cast<Eigen::Index>(r) * stamp.width, stamp.width);
+        out.gradient(at) += (share * weighted.segment(pixel, stamp.width)).sum();
+        out.information(at, background) += (share * weight.segment(pixel, stamp.width)).sum();
+        if (shapes)
+          out.information.row(at).head(shape_parameters) +=
+              share.matrix().transpose() * weighted_shape.middleRows(pixel, stamp.width).matrix();
+      }
+      for (int other = s; other < sites(); ++other) {
+        const Stamp& second = stamps[other];
+        const int left = std::max(stamp.left, second.left), top = std::max(stamp.top, second.top);
+        const int right = std::min(stamp.left + stamp.width, second.left + second.width);
+        const int bottom = std::min(stamp.top + stamp.height, second.top + second.height);
+        if (left >= right || top >= bottom) continue;
+        double sum = 0;
+        for (int r = top; r < bottom; ++r) {
+          const auto one = shares[s].segment(
+              static_cast<Eigen::Index>(r - stamp.top) * stamp.width + left - stamp.left, right - left);
+          const auto two = shares[other].segment(
+              static_cast<Eigen::Index>(r - second.top) * second.width + left - second.left, right - left);
+          sum +=
+              (one * two * weight.segment(static_cast<Eigen::Index>(r) * columns + left, right - left)).sum();
+        }
+        out.information(at, shape_parameters + other) = sum;
+        out.information(shape_parameters + other, at) = sum;
+      }
+      if (stamp.width == 0 || stamp.height == 0) out.information(at, at) = 1;
+      if (shapes)
+        out.information.col(at).head(shape_parameters) =
+            out.information.row(at).head(shape_parameters).transpose();
+    }
+    out.information.row(background) = out.information.col(background).transpose();
+    return out;
+  }
+
+ private:
+  const MeanImage& mean_;
+  PupilImage pupil_image_;
+  Lattice lattice_;
+};
+
+}  // namespace
+
+Lattice find_lattice(const MeanImage& mean, const Lattice& noted, double spot_px) {
+  const int rows = mean.electrons.rows(), columns = mean.electrons.columns();
+  // The mean image smoothed by the spot: its value at a position is the correlation with a spot there.
+  const int reach = std::max(1, static_cast<int>(std::ceil(2.5 * spot_px)));
+  std::vector<double> kernel(2 * static_cast<std::size_t>(reach) + 1);
+  double total = 0;
+  for (int k = -reach; k <= reach; ++k)
+    total += kernel[k + reach] = std::exp(-0.5 * k * k / (spot_px * spot_px));
+  for (double& k : kernel) k /= total;
+  Eigen::ArrayXXd smooth(rows, columns), across(rows, columns);
+  for (int y = 0; y < rows; ++y)
+    for (int x = 0; x < columns; ++x) {
+      double sum = 0;
+      for (int k = -reach; k <= reach; ++k)
+        sum += kernel[k + reach] * mean.electrons(y, std::clamp(x + k, 0, columns - 1));
+      across(y, x) = sum;
+    }
+  for (int y = 0; y < rows; ++y)
+    for (int x = 0; x < columns; ++x) {
+      double sum = 0;
+      for (int k = -reach; k <= reach; ++k)
+        sum += kernel[k + reach] * across(std::clamp(y + k, 0, rows - 1), x);
+      smooth(y, x) = sum;
+    }
+  // One bright outlier must not draw the lattice: light counts by its square root.
+  const double floor = [&] {
+    std::vector<double> values(smooth.data(), smooth.data() + smooth.size());
+    std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 4),
+                     values.end());
+    return values[values.size() / 4];
+  }();
+  smooth = (smooth - floor).max(0).sqrt();
+  const auto at = [&](double x, double y) {
+    const int i = static_cast<int>(std::floor(x)), j = static_cast<int>(std::floor(y));
+    if (i < 0 || j < 0 || i + 1 >= columns || j + 1 >= rows) return 0.0;
+    const double u = x - i, v = y - j;
+    return (1 - v) * ((1 - u) * smooth(j, i) + u * smooth(j, i + 1)) +
+           v * ((1 - u) * smooth(j + 1, i) + u * smooth(j + 1, i + 1));
+  };
+  const auto score = [&](const Lattice& lattice) {
+    double sum = 0;
+    for (int j = 0; j < lattice.rows; ++j)
+      for (int i = 0; i < lattice.columns; ++i) sum += at(lattice.x(i, j), lattice.y(i, j));
+    return sum;
+  };
+  const auto about_middle = [&](const Lattice& from, double dx, double dy, double scale, double turn) {
+    Lattice to = from;
+    const double c = std::cos(turn) * scale, s = std::sin(turn) * scale;
+    to.a_x = c * from.a_x - s * from.a_y, to.a_y = s * from.a_x + c * from.a_y;
+    to.b_x = c * from.b_x - s * from.b_y, to.b_y = s * from.b_x + c * from.b_y;
+    const double i = (from.columns - 1) / 2.0, j = (from.rows - 1) / 2.0;
+    to.origin_x = from.x(0, 0) + i * (from.a_x - to.a_x) + j * (from.b_x - to.b_x) + dx;
+    to.origin_y = from.y(0, 0) + i * (from.a_y - to.a_y) + j * (from.b_y - to.b_y) + dy;
+    return to;
+  };
+  // Displacements of up to half a spacing, spacings some percent off, angles some degrees off.
+  Lattice best = noted;
+  double best_score = score(noted);
+  const double spacing = std::max(4.0, std::hypot(noted.a_x, noted.a_y));
+  const double span = std::max({noted.columns, noted.rows, 2}) * spacing / 2;
+  const double turn_step = spot_px / span, scale_step = spot_px / span;
+  const int turns = noted.sites() > 1 ? static_cast<int>(std::ceil(0.06 / turn_step)) : 0;
+  const int scales = noted.sites() > 1 ? static_cast<int>(std::ceil(0.06 / scale_step)) : 0;
+  const double shift_step = std::max(0.5, spot_px * 0.7);
+  const int shifts = static_cast<int>(std::ceil(std::max(2.5, 0.45 * spacing) / shift_step));
+  for (int t = -turns; t <= turns; ++t)
+    for (int k = -scales; k <= scales; ++k)
+      for (int dy = -shifts; dy <= shifts; ++dy)
+        for (int dx = -shifts; dx <= shifts; ++dx) {
+          const Lattice moved =
+              about_middle(noted, dx * shift_step, dy * shift_step, 1 + k * scale_step, t * turn_step);
+          const double value = score(moved);
+          if (value > best_score * (1 + 1e-9)) best_score = value, best = moved;
+        }
+  // Then each of the six numbers in ever smaller steps.
+  for (double step = spot_px; step > 0.02; step *= 0.6)
+    for (int pass = 0; pass < 3; ++pass)
+      for (int k = 0; k < 6; ++k)
+        for (const double sign : {-1.0, 1.0}) {
+          Lattice moved = best;
+          const double change = sign * step, per_site = 2 * change / std::max({noted.columns, noted.rows, 2});
+          if (k == 0) moved.origin_x += change;
+          if (k == 1) moved.origin_y += change;
+          const double i = (best.columns - 1) / 2.0, j = (best.rows - 1) / 2.0;
+          if (k == 2) moved.a_x += per_site, moved.origin_x -= i * per_site;
+          if (k == 3) moved.a_y += per_site, moved.origin_y -= i * per_site;
+          if (k == 4) moved.b_x += per_site, moved.origin_x -= j * per_site;
+          if (k == 5) moved.b_y += per_site, moved.origin_y -= j * per_site;
+          const double value = score(moved);
+          if (value > best_score) best_score = value, best = moved;
+        }
+  return best;
+}
+
+int stamp_radius_px(const Lattice& lattice) {
+  const double spacing = lattice.sites() > 1 ? std::max(std::hypot(lattice.a_x, lattice.a_y), 4.0) : 12;
+  return std::clamp(static_cast<int>(std::lround(1.5 * spacing)), 8, 16);
+}
+
+OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start) {
+  const int radius = stamp_radius_px(start);
+  // The image does not tell the common sign of the even terms, and about zero it does not change with them:
+  // several starts.
+  MaximumLikelihood best;
+  bool first = true;
+  const double wave = optics.wavelength_um;
+  MeanImage near = mean;
+  Model model(near, optics, start, radius);
+  const auto evaluate = [&](const Eigen::VectorXd& p, bool derivatives) {
+    return model.evaluate(p, derivatives);
+  };
+  for (const auto& [defocus, spherical] :
+       {std::pair{0.07, 0.02}, std::pair{0.07, -0.06}, std::pair{0.15, 0.04}, std::pair{0.02, 0.07}}) {
+    Eigen::VectorXd from = model.start(defocus * wave, spherical * wave);
+    model.solve_linear(from);
+    MaximumLikelihood found = maximise(from, evaluate, 0.05, 12);
+    if (first || found.minus_log < best.minus_log) best = std::move(found);
+    first = false;
+  }
+  best = maximise(best.values, evaluate, 1e-2, 30);
+  // Light beyond the stamps, by the whole table: taken off the image, then once more.
+  OpticsDescription fitted = optics;
+  for (int round = 0; round < 2; ++round) {
+    const Lattice where = model.lattice(best.values);
+    fitted.zernike_um = Model::zernike(best.values);
+    const PointSpreadFunction table(fitted);
+    PhotonImage far(Shape{mean.electrons.rows(), mean.electrons.columns()});
+    for (int j = 0, s = 0; j < where.rows; ++j)
+      for (int i = 0; i < where.columns; ++i, ++s) {
+        const double e = best.values(shape_parameters + s), x = where.x(i, j), y = where.y(i, j);
+        if (!(e > 0)) continue;
+        table.add_expected(far, e, x, y);
+        const int left = std::max(0, static_cast<int>(std::ceil(x)) - radius),
+                  top = std::max(0, static_cast<int>(std::ceil(y)) - radius);
+        const int right = std::min(far.columns(), static_cast<int>(std::floor(x)) + radius + 1),
+                  bottom = std::min(far.rows(), static_cast<int>(std::floor(y)) + radius + 1);
+        if (left >= right || top >= bottom) continue;
+        PhotonImage stamp({bottom - top, right - left});
+        table.add_expected(stamp, e, x, y, left, top);
+        for (int r = top; r < bottom; ++r)
+          for (int c = left; c < right; ++c) far(r, c) -= stamp(r - top, c - left);
+      }
+    // Weights from the model, not from the data: a pixel that fluctuated up must not weigh less for it.
+    const Eigen::ArrayXd image = model.image(best.values);
+    for (std::size_t n = 0; n < far.pixels().size(); ++n) {
+      near.electrons.pixels()[n] = mean.electrons.pixels()[n] - static_cast<double>(far.pixels()[n]);
+      const double light = image(static_cast<Eigen::Index>(n)) + static_cast<double>(far.pixels()[n]);
+      if (mean.variance.pixels()[n] < 1e6)
+        near.variance.pixels()[n] =
+            mean.dark_variance.pixels()[n] + mean.variance_per_e * std::max(0.0, light);
+    }
+    best = maximise(best.values, evaluate, 1e-3, 20);
+  }
+
+  OpticsFit fit;
+  fit.lattice = model.lattice(best.values);
+  fit.zernike_um = Model::zernike(best.values);
+  if (fit.zernike_um[3] < 0)
+    for (const int even : {3, 4, 5, 10, 11, 12, 13, 14}) fit.zernike_um[even] = -fit.zernike_um[even];
+  for (int s = 0; s < model.sites(); ++s) fit.site_e.push_back(best.values(shape_parameters + s));
+  fit.background_e = best.values(model.size() - 1);
+  fit.background_error = std::sqrt(best.covariance(model.size() - 1, model.size() - 1));
+  fit.covariance = best.covariance.topLeftCorner(shape_parameters, shape_parameters);
+  fit.chi_square = 2 * best.minus_log;
+  fit.degrees_of_freedom = static_cast<int>(mean.electrons.pixels().size()) - static_cast<int>(model.size());
+  fit.converged = best.converged;
+  fit.position_error_px = std::sqrt(std::max(fit.covariance(0, 0), fit.covariance(1, 1)));
+  return fit;
+}
+
+}  // namespace atomcam

@@ -1,0 +1,58 @@
+#pragma once
+// Where the sites are and what the optics do, from the mean image: all sites share one image, their
+// brightness is free.
+
+#include <array>
+#include <vector>
+
+#include "base/image.hpp"
+#include "calibration/maximise.hpp"
+#include "optics/optics.hpp"
+#include "scene/scene.hpp"
+
+namespace atomcam {
+
+/// A lattice of sites: position(i, j) = origin + i a + j b, in pixels of the frame.
+struct Lattice {
+  int columns = 0, rows = 0;
+  double origin_x = 0, origin_y = 0;
+  double a_x = 0, a_y = 0;  // from one column to the next
+  double b_x = 0, b_y = 0;  // from one row to the next
+  double x(int i, int j) const { return origin_x + i * a_x + j * b_x; }
+  double y(int i, int j) const { return origin_y + i * a_y + j * b_y; }
+  int sites() const { return columns * rows; }
+};
+
+/// The mean of a stack, in electrons above the dark level.
+struct MeanImage {
+  Image<double, unit::electrons> electrons;
+  Image<double, unit::electrons> variance;       // of the mean, per pixel, e^2; 1e6 and more: not to be used
+  Image<double, unit::electrons> dark_variance;  // the part of it that is not shot noise of light
+  double variance_per_e = 0;                     // the rest per electron of light
+};
+
+struct OpticsFit {
+  Lattice lattice;
+  std::array<double, zernike_terms> zernike_um{};
+  std::vector<double> site_e;  // mean electrons per frame of each site, row by row
+  double background_e = 0, background_error = 0;
+  /// Parameters: origin x, y, a x, y, b x, y (about the lattice's middle), Zernike terms 3 ... 14.
+  Eigen::MatrixXd covariance;
+  double chi_square = 0;
+  int degrees_of_freedom = 0;
+  bool converged = false;
+  double position_error_px = 0;  // of a site at the lattice's middle
+};
+
+/// Stamps reach this far from a site; light beyond is taken from the simulation's own table.
+int stamp_radius_px(const Lattice& lattice);
+
+/// From a lattice known to a pixel or better. Zernike terms of degree 2 to 4 are free; the sign that the even
+/// terms share is chosen for defocus >= 0.
+OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start);
+
+/// Noted positions moved to where the light is: displacement, spacing and angles, by the correlation of the
+/// mean image with a lattice of spots of `spot_px` rms.
+Lattice find_lattice(const MeanImage& mean, const Lattice& noted, double spot_px);
+
+}  // namespace atomcam

@@ -1,0 +1,247 @@
+#include "calibration/sensor_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace atomcam {
+namespace {
+
+double quantile(std::vector<double> values, double q) {
+  if (values.empty()) return 0;
+  const auto n = static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1) + 0.5);
+  std::nth_element(values.begin(), values.begin() + n, values.end());
+  return values[static_cast<std::size_t>(n)];
+}
+double median(std::vector<double> values) {
+  return quantile(std::move(values), 0.5);
+}
+/// Standard deviation of a normal law with these 16 % and 84 % quantiles.
+double robust_sigma(const std::vector<double>& values) {
+  return 0.5 * (quantile(values, 0.8413) - quantile(values, 0.1587));
+}
+double square(double x) {
+  return x * x;
+}
+/// Second derivative of ln Gamma, for x >= 1.
+double trigamma(double x) {
+  double sum = 0;
+  for (; x < 12; x += 1) sum += 1 / (x * x);
+  const double r = 1 / (x * x);
+  return sum + 1 / x + r / 2 + r / x * (1.0 / 6 - r * (1.0 / 30 - r / 42));
+}
+
+}  // namespace
+
+double StackSums::variance(std::size_t pixel) const {
+  const double n = static_cast<double>(frames), m = sum.pixels()[pixel] / n;
+  return n < 2 ? 0 : std::max(0.0, (sum_of_squares.pixels()[pixel] - n * m * m) / (n - 1));
+}
+
+StackSums sum_stack(const FrameSequence& frames) {
+  StackSums sums;
+  sums.sum = Image<double, unit::counts>(frames.shape());
+  sums.sum_of_squares = Image<double, unit::counts>(frames.shape());
+  sums.occurrences.assign(65536, 0);
+  frames.visit([&](std::size_t, const CountImage& frame) {
+    const auto counts = frame.pixels();
+    const auto sum = sums.sum.pixels(), squares = sums.sum_of_squares.pixels();
+    double total = 0;
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+      const double c = counts[i];
+      sum[i] += c;
+      squares[i] += c * c;
+      total += c;
+      ++sums.occurrences[counts[i]];
+    }
+    sums.frame_mean.push_back(total / static_cast<double>(std::max<std::size_t>(1, counts.size())));
+    ++sums.frames;
+  });
+  return sums;
+}
+
+CountFit fit_counts(const std::vector<CountHistogram>& histograms, bool first_is_dark, const CountLaw& start,
+                    const CountFitOptions& options) {
+  const int count = static_cast<int>(histograms.size());
+  const bool gain_free = options.gain && start.em_gain > 1;
+  // bias, ln read noise, [ln em gain], [ln serial], then per histogram ln events and, with light, ln spread.
+  const int gain_at = gain_free ? 2 : -1, serial_at = options.serial ? 2 + (gain_free ? 1 : 0) : -1;
+  const int first_at = 2 + (gain_free ? 1 : 0) + (options.serial ? 1 : 0);
+  std::vector<int> events_at, spread_at;
+  int parameters = first_at;
+  for (int h = 0; h < count; ++h) {
+    events_at.push_back(parameters++);
+    spread_at.push_back(h == 0 && first_is_dark ? -1 : parameters++);
+  }
+  Eigen::VectorXd from = Eigen::VectorXd::Zero(parameters);
+  from(0) = start.bias_counts;
+  from(1) = std::log(start.read_noise_counts);
+  if (gain_free) from(gain_at) = std::log(start.em_gain);
+  if (options.serial) from(serial_at) = std::log(std::max(start.serial_events, 1e-3));
+  const double per_electron = start.em_gain / start.electrons_per_count;
+  for (int h = 0; h < count; ++h) {
+    double sum = 0, total = 0;
+    for (std::size_t k = 0; k < histograms[h].occurrences.size(); ++k) {
+      sum += static_cast<double>(histograms[h].occurrences[k]) *
+             (histograms[h].first + static_cast<double>(k) - start.bias_counts);
+      total += static_cast<double>(histograms[h].occurrences[k]);
+    }
+    from(events_at[h]) = std::log(std::clamp(sum / std::max(1.0, total) / per_electron, 1e-4, 1e3));
+    if (spread_at[h] >= 0) from(spread_at[h]) = std::log(0.05);
+  }
+  const auto law_of = [&](const Eigen::VectorXd& p, int h) {
+    CountLaw law = start;
+    law.bias_counts = p(0);
+    law.read_noise_counts = std::exp(p(1));
+    if (gain_free) law.em_gain = std::exp(p(gain_at));
+    law.serial_events = options.serial ? std::exp(p(serial_at)) : start.serial_events;
+    law.events_e = std::exp(p(events_at[h]));
+    law.events_spread = spread_at[h] >= 0 ? std::exp(p(spread_at[h])) : 0;
+    return law;
+  };
+  const auto expected = [&](const Eigen::VectorXd& p, int h) {
+    const CountHistogram& histogram = histograms[h];
+    int size = 1024;
+    while (size < static_cast<int>(histogram.occurrences.size()) * 3 / 2) size *= 2;
+    std::vector<double> law = count_probabilities(law_of(p, h), histogram.first, size);
+    law.resize(histogram.occurrences.size());
+    double total = 0;
+    for (double& value : law) total += value += 1e-12;
+    for (double& value : law) value /= total;  // the law within the histogram's range
+    return law;
+  };
+  const auto evaluate = [&](const Eigen::VectorXd& p, bool derivatives) {
+    Likelihood out;
+    out.gradient.setZero(parameters);
+    out.information.setZero(parameters, parameters);
+    for (Eigen::Index k = 1; k < parameters; ++k)
+      if (!(std::fabs(p(k)) < 30)) {
+        out.minus_log = std::numeric_limits<double>::infinity();
+        return out;
+      }
+    for (int h = 0; h < count; ++h) {
+      const CountHistogram& histogram = histograms[h];
+      const double total = static_cast<double>(histogram.total());
+      const std::vector<double> law = expected(p, h);
+      for (std::size_t k = 0; k < law.size(); ++k)
+        if (histogram.occurrences[k])
+          out.minus_log -= static_cast<double>(histogram.occurrences[k]) * std::log(law[k]);
+      if (!derivatives) continue;
+      std::vector<int> moved = {0, 1};
+      for (const int at : {gain_at, serial_at, events_at[h], spread_at[h]})
+        if (at >= 0) moved.push_back(at);
+      std::vector<std::vector<double>> by;
+      for (const int at : moved) {
+        const double step = at == 0 ? 0.02 : 2e-3;
+        Eigen::VectorXd up = p, down = p;
+        up(at) += step;
+        down(at) -= step;
+        std::vector<double> change = expected(up, h);
+        const std::vector<double> below = expected(down, h);
+        for (std::size_t k = 0; k < change.size(); ++k) change[k] = (change[k] - below[k]) / (2 * step);
+        by.push_back(std::move(change));
+      }
+      for (std::size_t a = 0; a < moved.size(); ++a) {
+        double gradient = 0;
+        for (std::size_t k = 0; k < law.size(); ++k)
+          gradient -= static_cast<double>(histogram.occurrences[k]) * by[a][k] / law[k];
+        out.gradient(moved[a]) += gradient;
+        for (std::size_t b = 0; b <= a; ++b) {
+          double information = 0;
+          for (std::size_t k = 0; k < law.size(); ++k) information += by[a][k] * by[b][k] / law[k];
+          out.information(moved[a], moved[b]) += total * information;
+          if (a != b) out.information(moved[b], moved[a]) += total * information;
+        }
+      }
+    }
+    // Priors of many e-folds keep what the data say nothing about in place.
+    for (Eigen::Index k = 1; k < parameters; ++k) {
+      const double width = 6;
+      out.minus_log += 0.5 * square((p(k) - from(k)) / width);
+      if (!derivatives) continue;
+      out.gradient(k) += (p(k) - from(k)) / square(width);
+      out.information(k, k) += 1 / square(width);
+    }
+    return out;
+  };
+  const MaximumLikelihood found = maximise(from, evaluate, 1e-3);
+  CountFit fit;
+  fit.law = law_of(found.values, 0);
+  fit.bias_error = std::sqrt(found.covariance(0, 0));
+  fit.read_noise_error = fit.law.read_noise_counts * std::sqrt(found.covariance(1, 1));
+  if (gain_free) fit.em_gain_error = fit.law.em_gain * std::sqrt(found.covariance(gain_at, gain_at));
+  if (options.serial)
+    fit.serial_error = fit.law.serial_events * std::sqrt(found.covariance(serial_at, serial_at));
+  for (int h = 0; h < count; ++h) {
+    const CountLaw law = law_of(found.values, h);
+    fit.events_e.push_back(law.events_e);
+    fit.spread.push_back(law.events_spread);
+    fit.events_error.push_back(law.events_e * std::sqrt(found.covariance(events_at[h], events_at[h])));
+    const std::vector<double> probabilities = expected(found.values, h);
+    const double total = static_cast<double>(histograms[h].total());
+    double seen = 0, due = 0;
+    for (std::size_t k = 0; k < probabilities.size(); ++k) {
+      seen += static_cast<double>(histograms[h].occurrences[k]);
+      due += total * probabilities[k];
+      if (due >= 10) {
+        fit.chi_square += square(seen - due) / due;
+        ++fit.bins;
+        seen = due = 0;
+      }
+    }
+  }
+  return fit;
+}
+
+QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
+  QcmosDarkFit fit;
+  const int rows = darks.sum.rows(), columns = darks.sum.columns();
+  const double n = static_cast<double>(darks.frames), pixels = static_cast<double>(rows) * columns;
+  std::vector<double> means, log_variances, variances;
+  for (std::size_t i = 0; i < darks.sum.pixels().size(); ++i) {
+    means.push_back(darks.mean(i));
+    variances.push_back(darks.variance(i));
+    log_variances.push_back(std::log(std::max(1e-6, variances.back())));
+  }
+  fit.bias_counts = median(means);
+  // Read noise: the median of s^2 under chi^2 with n - 1 degrees and a log-normal spread of sigma.
+  const double degrees = std::max(1.0, n - 1);
+  const double chi_median = std::pow(1 - 2 / (9 * degrees), 3);
+  const double sigma_median = std::sqrt(std::max(1e-12, median(variances) / chi_median - 1.0 / 12));
+  // From the quiet half: pixels that are noisier for a reason of their own must not widen the law.
+  const double lower = (quantile(log_variances, 0.5) - quantile(log_variances, 0.1587)) /
+                       (1 + 0.17 * std::sqrt(trigamma(degrees / 2)));  // ln chi^2 leans to the left
+  fit.read_noise_log_sigma = std::sqrt(std::max(0.0, square(lower) - trigamma(degrees / 2)) / 4);
+  fit.read_noise_counts = sigma_median * std::exp(square(fit.read_noise_log_sigma));
+  fit.read_noise_error = fit.read_noise_counts * 1.25 * 0.5 * robust_sigma(log_variances) / std::sqrt(pixels);
+  // Offsets: columns and rows by medians over the other axis.
+  std::vector<double> column_level, row_level, rest;
+  for (int c = 0; c < columns; ++c) {
+    std::vector<double> values;
+    for (int r = 0; r < rows; ++r) values.push_back(means[static_cast<std::size_t>(r) * columns + c]);
+    column_level.push_back(median(values) - fit.bias_counts);
+  }
+  for (int r = 0; r < rows; ++r) {
+    std::vector<double> values;
+    for (int c = 0; c < columns; ++c)
+      values.push_back(means[static_cast<std::size_t>(r) * columns + c] - column_level[c]);
+    row_level.push_back(median(values) - fit.bias_counts);
+  }
+  for (int r = 0; r < rows; ++r)
+    for (int c = 0; c < columns; ++c)
+      rest.push_back(means[static_cast<std::size_t>(r) * columns + c] - column_level[c] - row_level[r] -
+                     fit.bias_counts);
+  const double noise_of_mean = square(fit.read_noise_counts) / n;
+  const double pixel_spread = square(robust_sigma(rest));
+  fit.offset_sigma_counts = std::sqrt(std::max(0.0, pixel_spread - noise_of_mean));
+  constexpr double median_loss = std::numbers::pi / 2;  // variance of a median over that of a mean
+  const double column_variance = square(robust_sigma(column_level)) - median_loss * pixel_spread / rows;
+  const double row_variance = square(robust_sigma(row_level)) - median_loss * pixel_spread / columns;
+  fit.column_gumbel_counts = std::sqrt(std::max(0.0, column_variance) * 6) / std::numbers::pi;
+  fit.row_offset_sigma_counts = std::sqrt(std::max(0.0, row_variance));
+  fit.bias_error = std::sqrt(pixel_spread / pixels + std::max(0.0, column_variance) / columns +
+                             std::max(0.0, row_variance) / rows);
+  return fit;
+}
+
+}  // namespace atomcam

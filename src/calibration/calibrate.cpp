@@ -394,26 +394,31 @@ class Calibrator {
     });
     const double n = static_cast<double>(light_.frames);
 
-    // Photon transfer over the lit pixels: the variance of the rest against the light. The rest of pixel p is
-    // sum_q (1 - H)(p, q) counts(q), H = share weight^T: its variance summed over p is sum_q v(q) c(q) with
-    // c = 1 - 2 H(q, q) + sum_p H(p, q)^2.
-    const std::vector<double> kept = kept_variance(model);
+    // Photon transfer over the half of the pixels with less of the sites' light, where motion and brightness
+    // noise of the atoms count least: the variance of the rest against the light.
+    std::vector<double> read(pixels), shot(pixels);
+    for (std::size_t i = 0; i < pixels; ++i) {
+      const double here = !emccd() && input_.darks ? dark_.variance(i) : noise_ * noise_ + 1.0 / 12;
+      read[i] = here / (k * k) + (emccd() ? excess() * dark_e_ : 0);
+      shot[i] = std::max(0.0, light[i] / n + background_e_ + mean_site_e_ * far[i]);
+    }
+    read = rest_variance(model, read);
+    shot = rest_variance(model, shot);
+    std::vector<float> sorted(model.site_light.pixels().begin(), model.site_light.pixels().end());
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(pixels / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    std::vector<std::uint8_t> used = odd_pixels();
+    for (std::size_t i = 0; i < pixels; ++i) used[i] = !used[i] && model.site_light.pixels()[i] <= *middle;
     std::vector<double> by_block;
     double signal = 0, floor = 0;
-    const std::vector<std::uint8_t> odd = odd_pixels();
-    for (std::size_t i = 0; i < pixels; ++i) {
-      if (odd[i]) continue;
-      const double read = (noise_ * noise_ + 1.0 / 12) / (k * k);
-      const double read_here = !emccd() && input_.darks ? dark_.variance(i) / (k * k) : read;
-      floor += kept[i] * (read_here + (emccd() ? excess() * dark_e_ : 0));
-      signal += kept[i] * (light[i] / n + background_e_ + mean_site_e_ * far[i]);
-    }
+    for (std::size_t i = 0; i < pixels; ++i)
+      if (used[i]) floor += read[i], signal += shot[i];
     double mean = 0, spread = 0;
     for (int block = 0; block < blocks; ++block) {
       double variance = 0, frames = std::floor((n - block - 1) / blocks) + 1;
       for (std::size_t i = 0; i < pixels; ++i) {
         const double m = residual_sum[i] / n;
-        if (!odd[i]) variance += (squares[static_cast<std::size_t>(block)][i] / frames - m * m) * n / (n - 1);
+        if (used[i]) variance += (squares[static_cast<std::size_t>(block)][i] / frames - m * m) * n / (n - 1);
       }
       by_block.push_back((variance - floor) / signal);
       mean += by_block.back() / blocks;
@@ -460,44 +465,53 @@ class Calibrator {
     return odd;
   }
 
-  static std::vector<double> kept_variance(const StackModel& model) {
+  /// Variance of the rest counts - sum_s b_s share_s of every pixel, the counts' own variance being given:
+  /// v(p) (1 - 2 H(p, p)) + sum_{s,t} share_s(p) share_t(p) cov(b_s, b_t), H = share weight^T.
+  static std::vector<double> rest_variance(const StackModel& model, const std::vector<double>& variance) {
     const int columns = model.shape.columns;
+    const auto at = [&](const SiteImage& site, int r, int c) {
+      return static_cast<std::size_t>(site.top + r) * columns + static_cast<std::size_t>(site.left + c);
+    };
     std::vector<std::vector<std::uint32_t>> covering(model.shape.pixels());
     for (std::size_t s = 0; s < model.sites.size(); ++s)
       for (int r = 0; r < model.sites[s].share.rows(); ++r)
         for (int c = 0; c < model.sites[s].share.columns(); ++c)
-          covering[static_cast<std::size_t>(model.sites[s].top + r) * columns + model.sites[s].left + c]
-              .push_back(static_cast<std::uint32_t>(s));
+          covering[at(model.sites[s], r, c)].push_back(static_cast<std::uint32_t>(s));
     const std::size_t count = model.sites.size();
-    std::vector<double> products(count * count, -1);
-    const auto product = [&](std::size_t a, std::size_t b) {
-      double& known = products[a * count + b];
-      if (known >= 0) return known;
+    constexpr double unknown = -1e300;
+    std::vector<double> covariances(count * count, unknown);
+    const auto covariance = [&](std::size_t a, std::size_t b) {
+      double& known = covariances[a * count + b];
+      if (known != unknown) return known;
       const SiteImage &one = model.sites[a], &two = model.sites[b];
       double sum = 0;
       for (int r = std::max(one.top, two.top);
            r < std::min(one.top + one.share.rows(), two.top + two.share.rows()); ++r)
         for (int c = std::max(one.left, two.left);
              c < std::min(one.left + one.share.columns(), two.left + two.share.columns()); ++c)
-          sum += static_cast<double>(one.share(r - one.top, c - one.left)) *
-                 two.share(r - two.top, c - two.left);
-      products[b * count + a] = sum;
+          sum += static_cast<double>(one.weight(r - one.top, c - one.left)) *
+                 static_cast<double>(two.weight(r - two.top, c - two.left)) *
+                 variance[static_cast<std::size_t>(r) * columns + static_cast<std::size_t>(c)];
+      covariances[b * count + a] = sum;
       return known = sum;
     };
-    std::vector<double> kept(model.shape.pixels(), 1);
-    for (std::size_t i = 0; i < kept.size(); ++i) {
+    std::vector<double> rest = variance;
+    for (std::size_t i = 0; i < rest.size(); ++i) {
       const int r = static_cast<int>(i) / columns, c = static_cast<int>(i) % columns;
+      double change = 0;
       for (const std::uint32_t a : covering[i]) {
         const SiteImage& one = model.sites[a];
-        const double weight = one.weight(r - one.top, c - one.left);
-        kept[i] -= 2 * weight * static_cast<double>(one.share(r - one.top, c - one.left));
-        for (const std::uint32_t b : covering[i]) {
-          const SiteImage& two = model.sites[b];
-          kept[i] += weight * static_cast<double>(two.weight(r - two.top, c - two.left)) * product(a, b);
-        }
+        const double share = one.share(r - one.top, c - one.left);
+        change -= 2 * share * static_cast<double>(one.weight(r - one.top, c - one.left)) * variance[i];
+        for (const std::uint32_t b : covering[i])
+          change +=
+              share *
+              static_cast<double>(model.sites[b].share(r - model.sites[b].top, c - model.sites[b].left)) *
+              covariance(a, b);
       }
+      rest[i] += change;
     }
-    return kept;
+    return rest;
   }
 
   void fit_atom_light() {

@@ -17,6 +17,13 @@
 namespace atomcam {
 namespace {
 
+/// Laws depend on gain and stages alone: one store for all sensors, as many labs of the same camera are
+/// simulated in turn.
+Recent<std::pair<double, int>, RegisterLaw>& register_laws() {
+  static Recent<std::pair<double, int>, RegisterLaw> laws(32);
+  return laws;
+}
+
 class Emccd final : public Sensor {
  public:
   explicit Emccd(EmccdDescription description) : description_(std::move(description)) {}
@@ -44,7 +51,6 @@ class Emccd final : public Sensor {
 
   EmccdDescription description_;
   mutable Background::Cache background_cache_;
-  mutable Recent<double, RegisterLaw> registers_{8};
 };
 
 class Emccd::EmccdReadout final : public Sensor::Readout {
@@ -75,8 +81,8 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
     conversion_.counts_per_e = static_cast<float>(1 / mode.electrons_per_count);
     conversion_.read_noise_counts = static_cast<float>(mode.read_noise_e / mode.electrons_per_count);
     if (mode.amplifier == Amplifier::electron_multiplying)
-      law_ = sensor.registers_.get(
-          settings.em_gain, [&] { return RegisterLaw(settings.em_gain, description.register_stages); });
+      law_ = register_laws().get({settings.em_gain, description.register_stages},
+                                 [&] { return RegisterLaw(settings.em_gain, description.register_stages); });
   }
 
   Shape plane_shape() const override { return plane_; }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
+#include <list>
 
 #include "base/math.hpp"
 #include "base/samplers.hpp"
@@ -190,11 +192,55 @@ PhotoElectrons by_row(std::span<const std::vector<std::uint32_t>> landed, int ro
 
 }  // namespace
 
+namespace {
+
+struct FunctionKey {
+  OpticsDescription optics;
+  int step;
+  double blur_um;
+  bool operator==(const FunctionKey&) const = default;
+};
+using SharedFunction = std::shared_ptr<const PointSpreadFunction>;
+
+/// The last tables made (some MB each). Two threads make two tables side by side; one that wants what another
+/// is making waits.
+SharedFunction shared_function(const FunctionKey& key) {
+  static std::mutex mutex;
+  static std::list<std::pair<FunctionKey, std::shared_future<SharedFunction>>> recent;
+  constexpr std::size_t kept = 64;
+  std::promise<SharedFunction> promise;
+  {
+    std::unique_lock lock(mutex);
+    for (auto entry = recent.begin(); entry != recent.end(); ++entry)
+      if (entry->first == key) {
+        recent.splice(recent.begin(), recent, entry);
+        const std::shared_future<SharedFunction> found = entry->second;
+        lock.unlock();
+        return found.get();
+      }
+    recent.emplace_front(key, promise.get_future().share());
+    if (recent.size() > kept) recent.pop_back();
+  }
+  try {
+    auto made =
+        std::make_shared<const PointSpreadFunction>(key.optics, key.step * defocus_step_um, key.blur_um);
+    promise.set_value(made);
+    return made;
+  } catch (...) {
+    promise.set_exception(std::current_exception());
+    const std::lock_guard lock(mutex);
+    recent.remove_if([&](const auto& entry) { return entry.first == key; });
+    throw;
+  }
+}
+
+}  // namespace
+
 const PointSpreadFunction& PointSpreadFunctions::at(double defocus_um) const {
   const int step = static_cast<int>(std::lround(defocus_um / defocus_step_um));
   const std::lock_guard lock(mutex_);
   auto& function = by_defocus_[step];
-  if (!function) function = std::make_unique<PointSpreadFunction>(optics_, step * defocus_step_um, blur_um_);
+  if (!function) function = shared_function({optics_, step, blur_um_});
   return *function;
 }
 

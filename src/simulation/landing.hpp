@@ -17,7 +17,8 @@
 
 namespace atomcam {
 
-/// Point-spread functions of one optical setting by extra defocus, each built on first use and kept.
+/// Point-spread functions of one optical setting by extra defocus, each built on first use and kept; labs
+/// with the same optics share them.
 class PointSpreadFunctions {
  public:
   PointSpreadFunctions(const OpticsDescription& optics, double blur_um)
@@ -29,7 +30,7 @@ class PointSpreadFunctions {
   OpticsDescription optics_;
   double blur_um_;
   mutable std::mutex mutex_;
-  mutable std::map<int, std::unique_ptr<PointSpreadFunction>> by_defocus_;
+  mutable std::map<int, std::shared_ptr<const PointSpreadFunction>> by_defocus_;
 };
 
 /// Where light falls and how much of it counts.

@@ -48,7 +48,7 @@ EffectDeclaration cti_tail() {
                           .default_value = 1.5,
                           .scale = ParameterScale::logarithmic,
                           .meaning = "Mean number of pixels after which it arrives."}},
-          .observables = {"trailing_charge", "horizontal_correlation"},
+          .observables = {"trailing_charge", "horizontal_correlation", "mean_variance_curve"},
           .emccd = true,
           .qcmos = false,
           .make = make_effect<CtiTail>};

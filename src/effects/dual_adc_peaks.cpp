@@ -44,7 +44,7 @@ EffectDeclaration dual_adc_peaks() {
                           .default_value = 12,
                           .scale = ParameterScale::logarithmic,
                           .meaning = "Distance of the two peaks."}},
-          .observables = {"kurtosis_map", "variance_map"},
+          .observables = {"kurtosis_map", "variance_map", "pixel_histogram"},
           .emccd = true,
           .qcmos = true,
           .make = make_effect<DualAdcPeaks>};

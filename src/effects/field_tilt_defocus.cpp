@@ -55,7 +55,7 @@ EffectDeclaration field_tilt_defocus() {
                       .scale = ParameterScale::linear,
                       .meaning = "Defocus at the edge from field curvature, even in all directions, times "
                                  "the strength being on."}},
-      .observables = {"point_spread_field", "point_spread_width"},
+      .observables = {"point_spread_field", "point_spread_width", "site_brightness", "site_histogram"},
       .emccd = true,
       .qcmos = true,
       .make = make_effect<FieldTiltDefocus>};

@@ -48,7 +48,7 @@ EffectDeclaration frame_transfer_smear() {
                 .scale = ParameterScale::linear,
                 .meaning =
                     "Multiple of the smear that shift speed and exposure give; 1 is the camera as it is."}},
-          .observables = {"column_smear"},
+          .observables = {"column_smear", "site_histogram"},
           .emccd = true,
           .qcmos = false,
           .make = make_effect<FrameTransferSmear>};

@@ -45,7 +45,7 @@ EffectDeclaration hot_pixels() {
                           .default_value = 20,
                           .scale = ParameterScale::logarithmic,
                           .meaning = "Mean dark current of such a pixel (exponential)."}},
-          .observables = {"mean_map", "variance_map", "bright_clusters"},
+          .observables = {"mean_map", "variance_map", "bright_clusters", "pixel_histogram"},
           .emccd = true,
           .qcmos = true,
           .make = make_effect<HotPixels>};

@@ -44,7 +44,7 @@ EffectDeclaration nonlinearity() {
                           .default_value = 20000,
                           .scale = ParameterScale::logarithmic,
                           .meaning = "Level above the bias at which the loss is given; it grows linearly."}},
-          .observables = {"mean_variance_curve", "site_histogram"},
+          .observables = {"mean_variance_curve"},
           .emccd = true,
           .qcmos = true,
           .make = make_effect<Nonlinearity>};

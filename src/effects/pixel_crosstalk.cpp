@@ -51,7 +51,7 @@ EffectDeclaration pixel_crosstalk() {
             .default_value = 0.02,
             .scale = ParameterScale::linear,
             .meaning = "Probability that an electron is collected in a neighbour, a quarter on each side."}},
-      .observables = {"point_spread_width", "horizontal_correlation", "vertical_correlation"},
+      .observables = {"point_spread_width"},
       .emccd = true,
       .qcmos = true,
       .make = make_effect<PixelCrosstalk>};

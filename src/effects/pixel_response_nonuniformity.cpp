@@ -43,7 +43,7 @@ EffectDeclaration pixel_response_nonuniformity() {
                       .scale = ParameterScale::linear,
                       .meaning =
                           "Relative spread of the physical pixels' response (normal), fixed for a sensor."}},
-      .observables = {"mean_map", "mean_variance_curve"},
+      .observables = {"mean_map", "mean_variance_curve", "variance_map"},
       .emccd = true,
       .qcmos = true,
       .make = make_effect<PixelResponseNonuniformity>};

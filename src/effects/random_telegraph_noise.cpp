@@ -59,7 +59,7 @@ EffectDeclaration random_telegraph_noise() {
                           .default_value = 5,
                           .scale = ParameterScale::logarithmic,
                           .meaning = "Mean time in a level."}},
-          .observables = {"kurtosis_map", "variance_map", "lag_correlation"},
+          .observables = {"kurtosis_map", "variance_map", "lag_correlation", "pixel_histogram"},
           .emccd = true,
           .qcmos = true,
           .make = make_effect<RandomTelegraphNoise>};

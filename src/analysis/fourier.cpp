@@ -1,0 +1,46 @@
+#include "analysis/fourier.hpp"
+
+#include <fftw3.h>
+
+#include <mutex>
+
+namespace atomcam::analysis {
+namespace {
+
+// FFTW's planner is not thread safe; executing a plan is. The planner of single precision is one of its own.
+std::mutex& planner() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+}  // namespace
+
+ImageSpectrum::ImageSpectrum(int rows, int columns)
+    : rows_(rows),
+      columns_(columns),
+      image_(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns)),
+      spectrum_(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns / 2 + 1)) {
+  const std::scoped_lock lock(planner());
+  // Estimated: depends on no measurement, so the bits are the same on every run.
+  plan_ =
+      fftwf_plan_dft_r2c_2d(rows, columns, image_.data(), reinterpret_cast<fftwf_complex*>(spectrum_.data()),
+                            FFTW_ESTIMATE | FFTW_PRESERVE_INPUT);
+}
+
+ImageSpectrum::~ImageSpectrum() {
+  const std::scoped_lock lock(planner());
+  fftwf_destroy_plan(static_cast<fftwf_plan>(plan_));
+}
+
+void ImageSpectrum::transform() {
+  fftwf_execute(static_cast<fftwf_plan>(plan_));
+}
+
+void ImageSpectrum::add_power(std::span<float> sums) const {
+  for (std::size_t i = 0; i < spectrum_.size(); ++i) {
+    const float re = spectrum_[i].real(), im = spectrum_[i].imag();
+    sums[i] += re * re + im * im;
+  }
+}
+
+}  // namespace atomcam::analysis

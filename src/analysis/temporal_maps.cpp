@@ -1,0 +1,219 @@
+// Pixel by pixel along the stack: variance, flatness of the law, memory of the frame before.
+
+#include <algorithm>
+#include <cmath>
+
+#include "analysis/family.hpp"
+#include "analysis/lanes.hpp"
+#include "analysis/robust.hpp"
+
+namespace atomcam::analysis {
+namespace {
+
+struct Sums {
+  Plane square, fourth, linear, lag1, lag2;
+  std::size_t frames = 0, pairs1 = 0, pairs2 = 0;
+
+  Sums() = default;
+  explicit Sums(PlaneShape shape) : square(shape), fourth(shape), linear(shape), lag1(shape), lag2(shape) {}
+  Sums& operator+=(const Sums& other) {
+    for (const auto member : {&Sums::square, &Sums::fourth, &Sums::linear, &Sums::lag1, &Sums::lag2}) {
+      float* to = (this->*member).inner();
+      const float* from = (other.*member).inner();
+      for (std::size_t i = 0; i < square.size(); ++i) to[i] += from[i];
+    }
+    frames += other.frames, pairs1 += other.pairs1, pairs2 += other.pairs2;
+    return *this;
+  }
+};
+
+ATOMCAM_VECTOR_CLONES
+void add_moments(std::size_t n, const float* residual, const float* light, const float* mean, float* square,
+                 float* fourth, float* linear) {
+  for (std::size_t i = 0; i < n; i += lane_count) {
+    const Lanes q = load(residual + i), q2 = q * q, r = load(light + i) - load(mean + i);
+    store(square + i, load(square + i) + q2);
+    store(fourth + i, load(fourth + i) + q2 * q2);
+    store(linear + i, load(linear + i) + r * r);
+  }
+}
+
+ATOMCAM_VECTOR_CLONES
+void add_product(std::size_t n, const float* a, const float* b, float* sum) {
+  for (std::size_t i = 0; i < n; i += lane_count) store(sum + i, load(sum + i) + load(a + i) * load(b + i));
+}
+
+class TemporalMaps : public Family {
+ public:
+  explicit TemporalMaps(const Layout& layout) : layout_(layout), sums_(Sums(layout.shape)) {}
+
+  void second_look(const SecondLook& look) override {
+    Sums& sums = sums_[look.part];
+    const std::size_t n = layout_.shape.inner();
+    add_moments(n, look.residual.inner(), look.light.inner(), look.mean.inner(), sums.square.inner(),
+                sums.fourth.inner(), sums.linear.inner());
+    ++sums.frames;
+    if (look.before) {
+      add_product(n, look.residual.inner(), look.before->inner(), sums.lag1.inner());
+      ++sums.pairs1;
+    }
+    if (look.before_that) {
+      add_product(n, look.residual.inner(), look.before_that->inner(), sums.lag2.inner());
+      ++sums.pairs2;
+    }
+  }
+
+  void summarise(Part which, const Record&, Sheet& sheet) const override {
+    sheet.family("temporal_maps");
+    const Sums sums = sums_.of(which);
+    const double frames = static_cast<double>(sums.frames);
+    const std::size_t pixels = layout_.shape.pixels();
+    std::vector<float> variance, kurtosis, lag1, lag2, linear;  // logs and correlations, per pixel
+    for (auto* map : {&variance, &kurtosis, &lag1, &lag2, &linear}) map->reserve(pixels);
+    const float n1 = static_cast<float>(frames / std::max(1.0, static_cast<double>(sums.pairs1))),
+                n2 = static_cast<float>(frames / std::max(1.0, static_cast<double>(sums.pairs2)));
+    const float inverse = static_cast<float>(1 / std::max(frames, 1.0));
+    double still = 0, total_square = 0, total_fourth = 0, total_lag1 = 0, total_lag2 = 0;
+    for (int r = 0; r < layout_.shape.rows; ++r)
+      for (int c = 0; c < layout_.shape.columns; ++c) {
+        const float s = sums.square.at(r, c), floor = 1e-9f;
+        still += s <= 0;
+        const float safe = std::max(s, floor);
+        variance.push_back(safe * inverse);
+        kurtosis.push_back(sums.fourth.at(r, c) / (safe * safe) * static_cast<float>(frames));
+        lag1.push_back(sums.lag1.at(r, c) / safe * n1);
+        lag2.push_back(sums.lag2.at(r, c) / safe * n2);
+        const float w = layout_.inverse_scale.at(r, c);
+        linear.push_back(sums.linear.at(r, c) * inverse * w * w);
+        total_square += static_cast<double>(s);
+        total_fourth += static_cast<double>(sums.fourth.at(r, c));
+        total_lag1 += static_cast<double>(sums.lag1.at(r, c));
+        total_lag2 += static_cast<double>(sums.lag2.at(r, c));
+      }
+    const bool enough = sums.frames >= 4;
+    const auto ok = [&](double value) { return enough ? value : not_a_number; };
+    // By quarters: amplifiers that differ, glow at an edge.
+    double quarter[2][2] = {}, row_square = 0, column_square = 0, mean = 0, log_mean = 0;
+    std::vector<float> logs(pixels);
+    for (std::size_t i = 0; i < pixels; ++i) {
+      logs[i] = std::log(variance[i]);
+      log_mean += static_cast<double>(logs[i]) / static_cast<double>(pixels);
+      mean += static_cast<double>(variance[i]) / static_cast<double>(pixels);
+    }
+    std::vector<double> rows(static_cast<std::size_t>(layout_.shape.rows)),
+        columns(static_cast<std::size_t>(layout_.shape.columns));
+    double gx = 0, gy = 0, norm_x = 0, norm_y = 0, radial = 0, norm_radial = 0;
+    for (int r = 0; r < layout_.shape.rows; ++r)
+      for (int c = 0; c < layout_.shape.columns; ++c) {
+        const auto i = static_cast<std::size_t>(r) * static_cast<std::size_t>(layout_.shape.columns) +
+                       static_cast<std::size_t>(c);
+        const double d = static_cast<double>(logs[i]) - log_mean;
+        const double y = (2.0 * r + 1) / layout_.shape.rows - 1,
+                     x = (2.0 * c + 1) / layout_.shape.columns - 1;
+        const double q = x * x + y * y - 2.0 / 3;
+        gx += d * x, norm_x += x * x, gy += d * y, norm_y += y * y, radial += d * q, norm_radial += q * q;
+        rows[static_cast<std::size_t>(r)] += d, columns[static_cast<std::size_t>(c)] += d;
+        quarter[2 * r >= layout_.shape.rows][2 * c >= layout_.shape.columns] += d;
+      }
+    for (const double d : rows) row_square += d * d;
+    for (const double d : columns) column_square += d * d;
+    for (float& v : logs) v -= static_cast<float>(log_mean);
+    double own = 0;
+    for (const float v : logs) own += static_cast<double>(v) * static_cast<double>(v);
+    const double spread = core_spread(logs);
+    sheet.kind({"variance_map", "space", "whole frame"});
+    sheet.put("variance", ok(std::log(mean)));
+    sheet.put("variance_spread", ok(std::log(spread * std::sqrt(std::max(frames, 1.0) / 2))));
+    sheet.put("gradient_x", ok(gx / norm_x));
+    sheet.put("gradient_y", ok(gy / norm_y));
+    sheet.put("radial", ok(radial / norm_radial));
+    const double n = static_cast<double>(pixels);
+    sheet.put("left_right", ok((quarter[0][0] + quarter[1][0] - quarter[0][1] - quarter[1][1]) / n));
+    sheet.put("top_bottom", ok((quarter[0][0] + quarter[0][1] - quarter[1][0] - quarter[1][1]) / n));
+    sheet.put("crosswise", ok((quarter[0][0] + quarter[1][1] - quarter[0][1] - quarter[1][0]) / n));
+    sheet.put("rows", ok(std::log(row_square / own)));
+    sheet.put("columns", ok(std::log(column_square / own)));
+    double noisy4 = 0, noisy6 = 0, quiet4 = 0, most = 0, least = 0;
+    for (const float v : logs) {
+      const double z = static_cast<double>(v) / spread;
+      noisy4 += z > 4, noisy6 += z > 6, quiet4 += z < -4;
+      most = std::max(most, z), least = std::min(least, z);
+    }
+    sheet.put("noisy_4", ok(std::asinh(noisy4)));
+    sheet.put("noisy_6", ok(std::asinh(noisy6)));
+    sheet.put("quiet_4", ok(std::asinh(quiet4)));
+    sheet.put("noisiest", ok(std::log(most)));
+    sheet.put("quietest", ok(std::log(-least)));
+    sheet.put("still", ok(std::asinh(still)));
+    float top_linear = 0;
+    double sum_linear = 0;
+    for (const float v : linear) sum_linear += static_cast<double>(v), top_linear = std::max(top_linear, v);
+    sheet.put("linear_variance", ok(std::log(sum_linear / n)));
+    sheet.put("largest_linear_variance", ok(std::log(static_cast<double>(top_linear) / (sum_linear / n))));
+
+    // The noisiest half per cent: two levels that alternate (flat law, memory) or are drawn anew (no memory).
+    const std::size_t few = std::max<std::size_t>(pixels / 200, 4);
+    std::vector<std::uint32_t> order(pixels);
+    for (std::size_t i = 0; i < pixels; ++i) order[i] = static_cast<std::uint32_t>(i);
+    std::nth_element(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(few), order.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return variance[a] > variance[b]; });
+    double noisy_variance = 0, noisy_kurtosis = 0, noisy_lag1 = 0, noisy_lag2 = 0;
+    for (std::size_t i = 0; i < few; ++i) {
+      noisy_variance += static_cast<double>(logs[order[i]]) / static_cast<double>(few);
+      noisy_kurtosis += static_cast<double>(kurtosis[order[i]]) / static_cast<double>(few);
+      noisy_lag1 += static_cast<double>(lag1[order[i]]) / static_cast<double>(few);
+      noisy_lag2 += static_cast<double>(lag2[order[i]]) / static_cast<double>(few);
+    }
+    sheet.put("noisiest_few.variance", ok(noisy_variance));
+    sheet.kind({"kurtosis_map", "intensity", "whole frame"});
+    sheet.put("noisiest_few.kurtosis", ok(std::log(noisy_kurtosis)));
+    sheet.kind({"lag_correlation", "time", "whole frame"});
+    sheet.put("noisiest_few.lag_1", ok(noisy_lag1));
+    sheet.put("noisiest_few.lag_2", ok(noisy_lag2));
+    sheet.put("lag_1", ok(total_lag1 / total_square * static_cast<double>(n1)));
+    sheet.put("lag_2", ok(total_lag2 / total_square * static_cast<double>(n2)));
+    const auto tails = [&](std::string_view name, const std::vector<float>& map) {
+      const float sigma = static_cast<float>(1 / std::sqrt(std::max(frames, 1.0)));
+      double beyond = 0, square = 0;
+      float top = 0, bottom = 0;
+      for (const float v : map) {
+        beyond += v > 4.5f * sigma;
+        square += static_cast<double>(v) * static_cast<double>(v);
+        top = std::max(top, v), bottom = std::min(bottom, v);
+      }
+      sheet.put(name, "beyond", ok(std::asinh(beyond)));
+      sheet.put(name, "spread", ok(std::log(square / n * std::max(frames, 1.0))));
+      sheet.put(name, "largest", ok(static_cast<double>(top / sigma)));
+      sheet.put(name, "smallest", ok(static_cast<double>(bottom / sigma)));
+    };
+    tails("lag_1_map", lag1);
+    tails("lag_2_map", lag2);
+    sheet.kind({"kurtosis_map", "intensity", "whole frame"});
+    double kurtosis_mean = 0;
+    for (const float v : kurtosis) kurtosis_mean += static_cast<double>(v) / n;
+    std::vector<float> centred = kurtosis;
+    for (float& v : centred) v -= static_cast<float>(kurtosis_mean);
+    const double kurtosis_spread = core_spread(centred);
+    double flat = 0, peaked = 0;
+    for (const float v : centred) {
+      flat += static_cast<double>(v) < -3.5 * kurtosis_spread;
+      peaked += static_cast<double>(v) > 5 * kurtosis_spread;
+    }
+    sheet.put("kurtosis", ok(std::log(total_fourth / total_square / total_square * n * frames)));
+    sheet.put("kurtosis_spread", ok(std::log(kurtosis_spread)));
+    sheet.put("flat_pixels", ok(std::asinh(flat)));
+    sheet.put("peaked_pixels", ok(std::asinh(peaked)));
+  }
+
+ private:
+  const Layout& layout_;
+  Halves<Sums> sums_;
+};
+
+}  // namespace
+
+std::unique_ptr<Family> make_temporal_maps(const Layout& layout) {
+  return std::make_unique<TemporalMaps>(layout);
+}
+
+}  // namespace atomcam::analysis

@@ -24,6 +24,20 @@ Recent<std::pair<double, int>, RegisterLaw>& register_laws() {
   return laws;
 }
 
+/// What a thread works with, kept from row to row.
+struct Scratch {
+  row_loops::Packets packets;
+  std::vector<std::uint32_t> words, noise;
+  std::vector<std::int32_t> electrons;
+  std::vector<float> output_e;
+};
+
+/// Not inline: in a shared library the compiler asks anew at every use where a thread's own variable is.
+[[gnu::noinline]] Scratch& own_scratch() {
+  thread_local Scratch scratch;
+  return scratch;
+}
+
 class Emccd final : public Sensor {
  public:
   explicit Emccd(EmccdDescription description) : description_(std::move(description)) {}
@@ -100,8 +114,9 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
       return;
     }
     const auto block = static_cast<std::uint32_t>(row);
-    thread_local row_loops::Packets packets;
-    thread_local std::vector<std::uint32_t> words;
+    Scratch& scratch = own_scratch();
+    row_loops::Packets& packets = scratch.packets;
+    std::vector<std::uint32_t>& words = scratch.words;
     row_loops::spread_electrons(electrons, output_well_e_, output_e, packets);
     std::size_t needed = 0;
     for (std::size_t i = 0; i < packets.count; ++i) needed += law_->words_for(packets.electrons[i]);
@@ -134,8 +149,9 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
   }
 
   void read_row(int row, std::span<std::uint16_t> counts) const override {
-    thread_local std::vector<std::int32_t> electrons;
-    thread_local std::vector<float> output_e;
+    Scratch& scratch = own_scratch();
+    std::vector<std::int32_t>& electrons = scratch.electrons;
+    std::vector<float>& output_e = scratch.output_e;
     electrons.resize(counts.size());
     output_e.resize(counts.size());
     collect(row, electrons);
@@ -148,7 +164,7 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
 
  private:
   const std::uint32_t* noise_words(int row, std::size_t columns) const {
-    thread_local std::vector<std::uint32_t> noise;
+    std::vector<std::uint32_t>& noise = own_scratch().noise;
     noise.resize(columns);
     fill_random(noise_key_, frame_, static_cast<std::uint32_t>(row), noise);
     return noise.data();

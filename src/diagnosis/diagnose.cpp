@@ -1,0 +1,446 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numeric>
+
+#include "base/error.hpp"
+#include "diagnosis/diagnosis.hpp"
+#include "diagnosis/model.hpp"
+#include "diagnosis/scan.hpp"
+#include "diagnosis/stages.hpp"
+
+namespace atomcam {
+namespace {
+
+constexpr double gap_level = 0.005;     // false alarms of the plain model
+constexpr double reject_level = 0.005;  // a fitted model below it is not the explanation
+
+Eigen::VectorXd row_of(const std::vector<double>& values) {
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
+/// The stack numbers of one population are far from those of all others.
+class Numbers {
+ public:
+  std::uint64_t next() { return block_++ * 1000000; }
+
+ private:
+  std::uint64_t block_ = 1;
+};
+
+class Diagnoser {
+ public:
+  Diagnoser(const Notes& notes, const FrameSequence& frames, const FrameSequence* darks,
+            const DiagnosisOptions& options)
+      : notes_(notes), frames_(frames), darks_(darks), options_(options) {}
+
+  Diagnosis run() {
+    const auto start = std::chrono::steady_clock::now();
+    prepare();
+    judge_plain();
+    if (result_.p_gap < gap_level && !options_.where_only) explain();
+    conclude();
+    result_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return std::move(result_);
+  }
+
+ private:
+  void tell(std::string_view step, double done) const {
+    if (options_.progress) options_.progress(step, done);
+  }
+  /// Progress of one population as a part of the whole.
+  std::function<void(int)> part(std::string_view step, double from, double to, int stacks) const {
+    if (!options_.progress) return {};
+    return [this, step, from, to, stacks](int done) {
+      options_.progress(step, from + (to - from) * std::min(1.0, static_cast<double>(done) / stacks));
+    };
+  }
+
+  void prepare() {
+    tell("calibrating", 0);
+    CalibrationInput input;
+    input.notes = notes_;
+    input.frames = &frames_;
+    input.darks = darks_;
+    result_.calibration = calibrate(input);
+    plan_.model = result_.calibration.model;
+    plan_.frames = frames_.frames();
+    plan_.dark_frames = darks_ ? darks_->frames() : 0;
+    plan_.split.block = std::max<std::size_t>(1, std::min(options_.block, plan_.frames / 8));
+    plan_.seed = options_.seed;
+    plan_.threads = options_.threads;
+    tell("measuring the frames", 0.03);
+    declarations_ = battery(plan_.model, darks_ != nullptr);
+    real_ = measure(plan_.model, frames_, darks_, plan_.split);
+  }
+
+  void judge_plain() {
+    plain_.lab = result_.calibration.lab;
+    plain_.open = calibration_uncertainty(result_.calibration);
+    plain_.first_effect_parameter = static_cast<Eigen::Index>(plain_.open.size());
+    const double cost = static_cast<double>(plan_.frames) * static_cast<double>(frames_.shape().pixels());
+    null_stacks_ = cost > 3e7 ? 160 : 400;
+    // One small round first: the calibration's own bias against simulated stacks is taken out.
+    fit_centres(plain_, 80, "plain model", 0.04, 0.08);
+    atomcam::judge(plain_, real_, null_stacks_, plan_, numbers_.next(), {},
+                   part("plain model", 0.08, 0.25, null_stacks_));
+    result_.p_gap = plain_.p_value;
+    result_.p_after = plain_.p_value;
+  }
+
+  void fit_centres(Model& model, int stacks, std::string_view step, double from, double to) {
+    model.population = simulate_population(model.lab, model.open, stacks, plan_, numbers_.next(), nullptr,
+                                           part(step, from, to, stacks));
+    const Standard standard(model.population, Part::whole);
+    const Eigen::VectorXd estimate = standard.estimate(row_of(real_.whole));
+    for (std::size_t k = 0; k < model.open.size(); ++k) {
+      Uncertain& one = model.open[k];
+      one.centre +=
+          std::clamp(estimate(static_cast<Eigen::Index>(k)) - one.centre, -4 * one.width, 4 * one.width);
+      one.lowest = one.centre - 5 * one.width;
+      one.highest = one.centre + 5 * one.width;
+    }
+  }
+
+  std::vector<std::string> excluded() const {
+    std::vector<std::string> list = options_.exclude;
+    if (!options_.include.empty())
+      for (const EffectDeclaration& effect : effect_catalogue())
+        if (std::find(options_.include.begin(), options_.include.end(), effect.name) ==
+            options_.include.end())
+          list.push_back(effect.name);
+    return list;
+  }
+
+  std::vector<Scan> scan(const Model& before, int stacks, double from, double to) {
+    std::vector<Scan> scans;
+    const auto list = candidates(before, excluded());
+    for (std::size_t k = 0; k < list.size(); ++k) {
+      Scan one;
+      one.effect = list[k];
+      const double a = from + (to - from) * static_cast<double>(k) / static_cast<double>(list.size());
+      const double b = from + (to - from) * static_cast<double>(k + 1) / static_cast<double>(list.size());
+      explore(one, before, stacks, plan_, numbers_.next(), part(one.effect->name, a, b, stacks));
+      match(one, before, before.z);
+      scans.push_back(std::move(one));
+    }
+    sort(scans);
+    return scans;
+  }
+  static void sort(std::vector<Scan>& scans) {
+    std::sort(scans.begin(), scans.end(),
+              [](const Scan& a, const Scan& b) { return a.log_likelihood > b.log_likelihood; });
+  }
+
+  /// The model with this effect added, about the scan's best parameters.
+  Model with(const Model& before, const Scan& scan) const {
+    Model model;
+    model.effects = before.effects;
+    model.effects.push_back(scan.effect->name);
+    model.lab = before.lab;
+    model.open = before.open;
+    model.first_effect_parameter = before.first_effect_parameter;
+    for (std::size_t k = 0; k < scan.open.size(); ++k) {
+      Uncertain one = scan.open[k];
+      one.centre = scan.best(static_cast<Eigen::Index>(k));
+      one.width = scan.width(static_cast<Eigen::Index>(k));
+      model.open.push_back(std::move(one));
+    }
+    return model;
+  }
+
+  static double log_odds(const Model& model) { return model.log_likelihood; }
+
+  /// Closed fraction over all frames, in units of the plain model's deviations.
+  double closed_by(const Model& model) const {
+    const Eigen::VectorXd ratio =
+        model.standard->deviation().cwiseQuotient(plain_.standard->deviation().cwiseMax(1e-12));
+    const double after = gap_of(model.z.cwiseProduct(ratio));
+    std::vector<double> floors;
+    for (Eigen::Index n = 0; n < model.standard->own().rows(); ++n)
+      floors.push_back(gap_of(model.standard->own().row(n).transpose().cwiseProduct(ratio)));
+    std::nth_element(floors.begin(), floors.begin() + static_cast<std::ptrdiff_t>(floors.size() / 2),
+                     floors.end());
+    const double floor = floors[floors.size() / 2];
+    return plain_.gap > floor ? 1 - std::max(0.0, after - floor) / (plain_.gap - floor) : 0;
+  }
+
+  void note(const Model& model, double evidence) {
+    Hypothesis one;
+    one.effects = model.effects;
+    one.log_evidence = evidence;
+    one.p_value = model.p_value;
+    one.closed = closed_by(model);
+    if (model.p_value < reject_level) {
+      Eigen::Index worst = 0;
+      model.z.cwiseAbs().maxCoeff(&worst);
+      one.why_not = fmt::format("leaves {} at {:+.1f} sigma",
+                                declarations_[static_cast<std::size_t>(worst)].name, model.z(worst));
+    }
+    result_.hypotheses.push_back(std::move(one));
+  }
+
+  void explain() {
+    std::vector<Scan> scans = scan(plain_, 26, 0.25, 0.5);
+    // A second look at the more promising ones.
+    const std::size_t second = std::min<std::size_t>(8, scans.size());
+    for (std::size_t k = 0; k < second; ++k) {
+      explore(scans[k], plain_, 16, plan_, numbers_.next(),
+              part(scans[k].effect->name, 0.5 + 0.01 * static_cast<double>(k),
+                   0.51 + 0.01 * static_cast<double>(k), 16));
+      match(scans[k], plain_, plain_.z);
+    }
+    sort(scans);
+    for (const Scan& one : scans) {
+      Hypothesis seen;
+      seen.effects = {one.effect->name};
+      seen.log_evidence = one.log_likelihood;
+      result_.hypotheses.push_back(std::move(seen));
+    }
+    std::vector<Model> singles;
+    for (std::size_t k = 0; k < std::min<std::size_t>(4, scans.size()); ++k) {
+      if (scans[k].log_likelihood < 3 && k > 0) break;
+      if (k > 0 &&
+          scans[k].log_likelihood < scans[0].log_likelihood - std::max(60.0, 0.3 * scans[0].log_likelihood))
+        break;
+      Model model = with(plain_, scans[k]);
+      fit_and_judge(model, real_, 3, 120, plan_, numbers_.next(),
+                    part(scans[k].effect->name, 0.58 + 0.05 * static_cast<double>(k),
+                         0.63 + 0.05 * static_cast<double>(k), 120));
+      note(model, scans[k].log_likelihood);
+      singles.push_back(std::move(model));
+    }
+    if (choose(singles)) return;
+    // Pairs: on top of the single effects that close most.
+    std::vector<std::size_t> order(singles.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t a, std::size_t b) { return closed_by(singles[a]) > closed_by(singles[b]); });
+    std::vector<Model> pairs;
+    for (std::size_t k = 0; k < std::min<std::size_t>(2, order.size()); ++k) {
+      const Model& base = singles[order[k]];
+      std::vector<Scan> seconds =
+          scan(base, 16, 0.78 + 0.1 * static_cast<double>(k), 0.86 + 0.1 * static_cast<double>(k));
+      for (std::size_t j = 0; j < std::min<std::size_t>(2, seconds.size()); ++j) {
+        if (seconds[j].log_likelihood < 3) break;
+        Model model = with(base, seconds[j]);
+        fit_and_judge(model, real_, 2, 120, plan_, numbers_.next());
+        note(model, seconds[j].log_likelihood);
+        pairs.push_back(std::move(model));
+      }
+      if (std::any_of(pairs.begin(), pairs.end(), [](const Model& m) { return m.p_value >= reject_level; }))
+        break;
+    }
+    if (choose(pairs)) return;
+    std::vector<Model> all;
+    for (auto& m : singles) all.push_back(std::move(m));
+    for (auto& m : pairs) all.push_back(std::move(m));
+    nearest(std::move(all));
+  }
+
+  /// Models that pass: one by far the likeliest, or several that the data cannot tell apart.
+  bool choose(std::vector<Model>& models) {
+    std::vector<Model*> passed;
+    for (Model& model : models)
+      if (model.p_value >= reject_level) passed.push_back(&model);
+    if (passed.empty()) return false;
+    std::sort(passed.begin(), passed.end(),
+              [](const Model* a, const Model* b) { return log_odds(*a) > log_odds(*b); });
+    const double best = log_odds(*passed.front());
+    double total = 0;
+    for (const Model* model : passed) total += std::exp(log_odds(*model) - best);
+    accept(*passed.front(), 1 / total);
+    result_.verdict = Verdict::explained;
+    if (1 / total < 0.9) {
+      result_.verdict = Verdict::ambiguous;
+      for (std::size_t k = 1; k < passed.size(); ++k)
+        if (std::exp(log_odds(*passed[k]) - best) / total > 0.02)
+          for (const std::string& name : passed[k]->effects)
+            for (FoundEffect& found : result_.effects)
+              if (name != found.name) found.confusable_with.push_back(name);
+    }
+    return true;
+  }
+
+  /// No model passes. One that closes nearly all of a large gap is named all the same, with what it leaves.
+  void nearest(std::vector<Model> models) {
+    result_.verdict = Verdict::unexplained;
+    result_.unexplained.present = true;
+    if (models.empty()) return;
+    const auto best = std::max_element(models.begin(), models.end(), [&](const Model& a, const Model& b) {
+      return closed_by(a) - 0.02 * static_cast<double>(a.effects.size()) <
+             closed_by(b) - 0.02 * static_cast<double>(b.effects.size());
+    });
+    const double closed = closed_by(*best);
+    if (closed < 0.85) return;
+    accept(*best, 0.5 + 0.5 * closed);
+    result_.verdict = closed >= 0.95 ? Verdict::explained : Verdict::partly_explained;
+  }
+
+  void accept(Model& model, double probability) {
+    result_.effects.clear();
+    for (const std::string& name : model.effects) {
+      FoundEffect found;
+      found.name = name;
+      found.stage = stage_of(name);
+      found.probability = probability;
+      const EffectDeclaration& declaration = *find_effect(name);
+      for (const ParameterDeclaration& p : declaration.parameters) {
+        const std::string key = "effects." + name + "." + p.key;
+        for (std::size_t k = 0; k < model.open.size(); ++k)
+          if (model.open[k].name == key) {
+            const auto at = static_cast<Eigen::Index>(k);
+            const Uncertain& one = model.open[k];
+            const double c = std::clamp(model.estimate(at), one.lowest, one.highest);
+            const double value = one.value(c);
+            const double error = 0.5 * std::fabs(one.value(std::min(one.highest, c + model.error(at))) -
+                                                 one.value(std::max(one.lowest, c - model.error(at))));
+            found.parameters.push_back({p.key, p.unit, value, error});
+          }
+      }
+      result_.effects.push_back(std::move(found));
+    }
+    result_.p_after = model.p_value;
+    final_ = std::move(model);
+    have_final_ = true;
+  }
+
+  /// Before and after on the held-out frames: effects as fitted to the others.
+  void how_far() {
+    const Standard before(plain_.population, Part::held_out);
+    const Eigen::VectorXd held_out = row_of(real_.part[1]);
+    GapClosed& gap = result_.gap;
+    gap.before = gap_of(before.judge(held_out));
+    std::vector<double> floors;
+    for (Eigen::Index n = 0; n < before.own().rows(); ++n)
+      floors.push_back(gap_of(before.own().row(n).transpose()));
+    std::sort(floors.begin(), floors.end());
+    gap.after = gap.before;
+    gap.floor = floors[floors.size() / 2];
+    if (!have_final_) return;
+    std::vector<Eigen::Index> known;
+    for (auto k = final_.first_effect_parameter; k < static_cast<Eigen::Index>(final_.open.size()); ++k)
+      known.push_back(k);
+    const Standard fitting(final_.population, Part::fitting);
+    const Eigen::VectorXd fitted = fitting.estimate(row_of(real_.part[0]));
+    Eigen::VectorXd values(static_cast<Eigen::Index>(known.size()));
+    for (std::size_t k = 0; k < known.size(); ++k) values(static_cast<Eigen::Index>(k)) = fitted(known[k]);
+    const Standard after(final_.population, Part::held_out, known);
+    const Eigen::VectorXd ratio = after.deviation().cwiseQuotient(before.deviation().cwiseMax(1e-12));
+    gap.after = gap_of(after.judge(held_out, values).cwiseProduct(ratio));
+    floors.clear();
+    for (Eigen::Index n = 0; n < after.own().rows(); ++n)
+      floors.push_back(gap_of(after.own().row(n).transpose().cwiseProduct(ratio)));
+    std::sort(floors.begin(), floors.end());
+    const auto at = [&](double q) {
+      return floors[static_cast<std::size_t>(q * static_cast<double>(floors.size() - 1))];
+    };
+    gap.floor = at(0.5);
+    const auto closed = [&](double floor) {
+      return gap.before > floor ? std::clamp(1 - (gap.after - floor) / (gap.before - floor), -1.0, 1.0) : 0;
+    };
+    gap.closed = closed(at(0.5));
+    gap.closed_low = closed(at(0.05));
+    gap.closed_high = closed(at(0.95));
+    gap.steps.push_back({final_.effects.back(), gap.after});
+  }
+
+  void list_differences() {
+    std::vector<std::size_t> order(declarations_.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      return std::fabs(plain_.z(static_cast<Eigen::Index>(a))) >
+             std::fabs(plain_.z(static_cast<Eigen::Index>(b)));
+    });
+    // Benjamini and Hochberg over the battery.
+    const double count = static_cast<double>(order.size());
+    std::vector<double> q(order.size());
+    double least = 1;
+    for (std::size_t rank = order.size(); rank-- > 0;) {
+      const double z = std::fabs(plain_.z(static_cast<Eigen::Index>(order[rank])));
+      const double p = std::erfc(z / std::sqrt(2.0));
+      least = std::min(least, p * count / static_cast<double>(rank + 1));
+      q[rank] = least;
+    }
+    for (std::size_t rank = 0; rank < std::min<std::size_t>(40, order.size()); ++rank) {
+      const StatisticDeclaration& statistic = declarations_[order[rank]];
+      Difference one;
+      one.stage = stage_of_observable(statistic.observable, statistic.darks);
+      one.statistic = statistic.name;
+      one.observable = statistic.observable;
+      one.axis = statistic.axis;
+      one.place = statistic.place;
+      one.z = plain_.z(static_cast<Eigen::Index>(order[rank]));
+      one.q = q[rank];
+      one.z_after = have_final_ ? final_.z(static_cast<Eigen::Index>(order[rank])) : one.z;
+      result_.where.push_back(std::move(one));
+    }
+  }
+
+  void conclude() {
+    how_far();
+    list_differences();
+    result_.lab = have_final_ ? final_.fitted_lab() : plain_.fitted_lab();
+    if (result_.verdict == Verdict::no_gap && result_.p_gap < gap_level)
+      result_.verdict = Verdict::unexplained;
+    if (result_.verdict == Verdict::unexplained) {
+      result_.unexplained.present = true;
+      std::vector<double> evidence;
+      result_.unexplained.stage = stage_of_differences(declarations_, plain_.z, result_.hypotheses);
+      result_.unexplained.looks_like = describe_differences(declarations_, plain_.z);
+    } else if (have_final_ && result_.p_after < reject_level) {
+      result_.unexplained.present = true;
+      result_.unexplained.stage = stage_of_differences(declarations_, final_.z, {});
+      result_.unexplained.looks_like = describe_differences(declarations_, final_.z);
+    }
+    result_.next_measurement = next_measurements(result_, darks_ != nullptr);
+    result_.sentence = sentence_of(result_);
+    tell("done", 1);
+  }
+
+  const Notes& notes_;
+  const FrameSequence& frames_;
+  const FrameSequence* darks_;
+  const DiagnosisOptions& options_;
+  Diagnosis result_;
+  StackPlan plan_;
+  Numbers numbers_;
+  int null_stacks_ = 400;
+  std::vector<StatisticDeclaration> declarations_;
+  BatteryValues real_;
+  Model plain_, final_;
+  bool have_final_ = false;
+};
+
+}  // namespace
+
+std::string_view name_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::no_gap:
+      return "no_gap";
+    case Verdict::explained:
+      return "explained";
+    case Verdict::partly_explained:
+      return "partly_explained";
+    case Verdict::unexplained:
+      return "unexplained";
+    case Verdict::ambiguous:
+      return "ambiguous";
+  }
+  return "";
+}
+
+Diagnosis diagnose(const Notes& notes, const FrameSequence& frames, const FrameSequence* darks,
+                   const DiagnosisOptions& options) {
+  for (const auto* list : {&options.exclude, &options.include})
+    for (const std::string& name : *list) stage_of(name);
+  if (frames.frames() < 40)
+    throw Error("frames",
+                fmt::format("{} frames are too few to diagnose, 40 or more are needed", frames.frames()));
+  return Diagnoser(notes, frames, darks, options).run();
+}
+
+}  // namespace atomcam

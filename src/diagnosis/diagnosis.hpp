@@ -1,0 +1,98 @@
+#pragma once
+// Real against simulated: where they differ, which effect that the model lacks causes it, how far the gap
+// shrinks once it is added.
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "analysis/battery.hpp"
+#include "calibration/calibrate.hpp"
+
+namespace atomcam {
+
+enum class Verdict { no_gap, explained, partly_explained, unexplained, ambiguous };
+std::string_view name_of(Verdict verdict);
+
+/// One entry of the table of differences, the most significant first.
+struct Difference {
+  std::string stage;  // where in the chain this kind of difference arises
+  std::string statistic, observable, axis, place;
+  double z = 0;        // plain model, all frames
+  double q = 1;        // false discovery rate over the whole battery
+  double z_after = 0;  // with the found effects
+};
+
+struct FoundParameter {
+  std::string name, unit;
+  double value = 0, error = 0;
+};
+struct FoundEffect {
+  std::string name, stage;
+  std::vector<FoundParameter> parameters;
+  double probability = 0;
+  std::vector<std::string> confusable_with;
+};
+
+/// A hypothesis that was tried, for the ranking.
+struct Hypothesis {
+  std::vector<std::string> effects;
+  double log_evidence = 0;  // against the plain model, from the scan
+  double p_value = -1;      // goodness of fit once fitted by simulation; -1: not fitted
+  double closed = 0;        // of the gap, once fitted
+  std::string why_not;
+};
+
+struct GapStep {
+  std::string effect;
+  double gap = 0;
+};
+struct GapClosed {
+  std::string metric = "mean square of the 12 largest deviations of the battery, held-out frames";
+  double before = 0, after = 0, floor = 0, closed = 0;
+  double closed_low = 0, closed_high = 0;
+  std::vector<GapStep> steps;
+};
+
+struct Unexplained {
+  bool present = false;
+  std::string stage;
+  std::string looks_like;
+};
+
+struct DiagnosisOptions {
+  std::vector<std::string> exclude;  // effects that are not looked for
+  std::vector<std::string> include;  // if not empty: only these
+  std::uint64_t seed = 1;
+  int threads = 1;
+  bool where_only = false;
+  std::size_t block = 10;  // frames of a part
+  /// What is under way, how much of the whole is done (0 to 1).
+  std::function<void(std::string_view step, double done)> progress;
+};
+
+struct Diagnosis {
+  Verdict verdict = Verdict::no_gap;
+  std::string sentence;
+  std::vector<FoundEffect> effects;
+  std::vector<Difference> where;
+  GapClosed gap;
+  Unexplained unexplained;
+  std::vector<std::string> next_measurement;
+  std::vector<Hypothesis> hypotheses;
+  double p_gap = 1;    // of the plain model
+  double p_after = 1;  // with the found effects
+  Calibration calibration;
+  Lab lab;  // calibrated, with the found effects
+  double seconds = 0;
+};
+
+/// Throws Error for stacks that cannot be judged (too short, wrong shape, no light where the notes list
+/// sites).
+Diagnosis diagnose(const Notes& notes, const FrameSequence& frames, const FrameSequence* darks,
+                   const DiagnosisOptions& options);
+
+}  // namespace atomcam

@@ -1,0 +1,132 @@
+#include "diagnosis/population.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <numbers>
+
+#include "base/random.hpp"
+#include "simulation/parallel.hpp"
+#include "simulation/simulation.hpp"
+
+namespace atomcam {
+namespace {
+
+constexpr std::size_t kept_bytes = 64u << 20;
+constexpr std::uint64_t first_dark_frame = 1000000;
+constexpr std::uint64_t optical_systems = 24;  // different draws of shared parameters
+
+class SimulatedFrames : public FrameSequence {
+ public:
+  SimulatedFrames(const Simulation& simulation, std::size_t frames, bool shutter_open)
+      : simulation_(simulation), count_(frames), settings_(simulation.lab().settings) {
+    settings_.shutter_open = shutter_open;
+    first_ = shutter_open ? 0 : first_dark_frame;
+    if (frames * shape().pixels() * 2 <= kept_bytes)
+      for (std::size_t n = 0; n < frames; ++n) kept_.push_back(render(n));
+  }
+  std::size_t frames() const override { return count_; }
+  Shape shape() const override { return {settings_.output_height(), settings_.output_width()}; }
+  void visit(const std::function<void(std::size_t, const CountImage&)>& take) const override {
+    for (std::size_t n = 0; n < count_; ++n) {
+      if (!kept_.empty())
+        take(n, kept_[n]);
+      else
+        take(n, render(n));
+    }
+  }
+
+ private:
+  CountImage render(std::size_t n) const { return simulation_.render(first_ + n, settings_).counts; }
+
+  const Simulation& simulation_;
+  std::size_t count_;
+  CameraSettings settings_;
+  std::uint64_t first_ = 0;
+  std::vector<CountImage> kept_;
+};
+
+}  // namespace
+
+BatteryValues simulate_and_measure(const Lab& lab, const StackPlan& plan, std::uint64_t stack_number) {
+  Lab own = lab;
+  own.seed = plan.seed * 1000003 + stack_number;
+  own.serial = std::to_string(own.seed);
+  const Simulation simulation(std::move(own));
+  const SimulatedFrames light(simulation, plan.frames, true);
+  if (plan.dark_frames == 0) return measure(plan.model, light, nullptr, plan.split);
+  const SimulatedFrames darks(simulation, plan.dark_frames, false);
+  return measure(plan.model, light, &darks, plan.split);
+}
+
+void Population::append(const Population& more) {
+  const auto stack_rows = [](Eigen::MatrixXd& upper, const Eigen::MatrixXd& lower) {
+    if (upper.rows() == 0) {
+      upper = lower;
+      return;
+    }
+    Eigen::MatrixXd both(upper.rows() + lower.rows(), upper.cols());
+    both << upper, lower;
+    upper = std::move(both);
+  };
+  stack_rows(draws, more.draws);
+  stack_rows(whole, more.whole);
+  stack_rows(part[0], more.part[0]);
+  stack_rows(part[1], more.part[1]);
+}
+
+Eigen::MatrixXd draw_parameters(const std::vector<Uncertain>& open, int stacks, std::uint64_t seed,
+                                std::uint64_t first) {
+  Eigen::MatrixXd draws(stacks, static_cast<Eigen::Index>(open.size()));
+  const PhiloxKey key = stream_key(seed, stream_id("diagnosis/draws"));
+  for (int n = 0; n < stacks; ++n) {
+    RandomStream own(key, first + static_cast<std::uint64_t>(n), 0);
+    RandomStream group(key, (first + static_cast<std::uint64_t>(n)) % optical_systems, 1);
+    for (std::size_t k = 0; k < open.size(); ++k) {
+      RandomStream& random = open[k].shared ? group : own;
+      const double u = (static_cast<double>(random()) + 0.5) * 0x1p-32,
+                   v = (static_cast<double>(random()) + 0.5) * 0x1p-32;
+      const double normal = std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
+      double c = open[k].centre + open[k].width * normal;
+      if (open[k].cycle > 0) {
+        c -= open[k].cycle * std::floor((c - open[k].lowest) / open[k].cycle);
+      } else {
+        // Reflected at the bounds, so that none is favoured.
+        if (c > open[k].highest) c = std::max(open[k].lowest, 2 * open[k].highest - c);
+        if (c < open[k].lowest) c = std::min(open[k].highest, 2 * open[k].lowest - c);
+      }
+      draws(n, static_cast<Eigen::Index>(k)) = c;
+    }
+  }
+  return draws;
+}
+
+Population simulate_population(const Lab& lab, const std::vector<Uncertain>& open, int stacks,
+                               const StackPlan& plan, std::uint64_t first, const Eigen::MatrixXd* given,
+                               const std::function<void(int)>& progress) {
+  Population population;
+  population.draws = given ? *given : draw_parameters(open, stacks, plan.seed, first);
+  const auto statistics = static_cast<Eigen::Index>(battery(plan.model, plan.dark_frames > 0).size());
+  population.whole.resize(stacks, statistics);
+  population.part[0].resize(stacks, statistics);
+  population.part[1].resize(stacks, statistics);
+  std::atomic<int> done{0};
+  parallel_for(stacks, plan.threads, 1, [&](int n) {
+    Lab drawn = lab;
+    for (std::size_t k = 0; k < open.size(); ++k)
+      open[k].apply(drawn, population.draws(n, static_cast<Eigen::Index>(k)));
+    drawn.place_sites();
+    const BatteryValues values = simulate_and_measure(drawn, plan, first + static_cast<std::uint64_t>(n));
+    const auto row = [&](const std::vector<double>& v) {
+      return Eigen::Map<const Eigen::RowVectorXd>(v.data(), static_cast<Eigen::Index>(v.size()));
+    };
+    population.whole.row(n) = row(values.whole);
+    population.part[0].row(n) = row(values.part[0]);
+    population.part[1].row(n) = row(values.part[1]);
+    const int count = ++done;
+    if (progress) progress(count);
+  });
+  return population;
+}
+
+}  // namespace atomcam

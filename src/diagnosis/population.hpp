@@ -1,0 +1,48 @@
+#pragma once
+// Simulated stacks of a model whose open parameters are drawn anew for each, and what the battery measures
+// in them.
+
+#include <Eigen/Dense>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "analysis/battery.hpp"
+#include "diagnosis/uncertain.hpp"
+
+namespace atomcam {
+
+/// How every stack is simulated and measured: as many frames as the real one has.
+struct StackPlan {
+  StackModel model;  // measures real and simulated stacks alike
+  std::size_t frames = 0;
+  std::size_t dark_frames = 0;
+  BatterySplit split;
+  std::uint64_t seed = 1;
+  int threads = 1;
+};
+
+/// Frames rendered when visited; kept in memory if they are small.
+BatteryValues simulate_and_measure(const Lab& lab, const StackPlan& plan, std::uint64_t stack_number);
+
+/// A row per stack.
+struct Population {
+  Eigen::MatrixXd draws;    // [stack, open parameter], coordinates
+  Eigen::MatrixXd whole;    // [stack, statistic]
+  Eigen::MatrixXd part[2];  // of the interleaved parts
+  Eigen::Index stacks() const { return whole.rows(); }
+  void append(const Population& more);
+};
+
+/// `draw(stack, parameter)` gives coordinates; the default draws normally about the centres. `first` numbers
+/// the stacks (their seeds and serial numbers).
+Population simulate_population(const Lab& lab, const std::vector<Uncertain>& open, int stacks,
+                               const StackPlan& plan, std::uint64_t first,
+                               const Eigen::MatrixXd* draws = nullptr,
+                               const std::function<void(int)>& progress = {});
+
+/// Normal draws about the centres, by stack number: the same number gives the same draw.
+Eigen::MatrixXd draw_parameters(const std::vector<Uncertain>& open, int stacks, std::uint64_t seed,
+                                std::uint64_t first);
+
+}  // namespace atomcam

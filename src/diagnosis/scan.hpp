@@ -1,0 +1,37 @@
+#pragma once
+// A first look at every effect: some tens of stacks over its whole range, an emulator through them, and the
+// parameters at which it comes closest to the real stack.
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "diagnosis/emulator.hpp"
+#include "diagnosis/evidence.hpp"
+#include "diagnosis/model.hpp"
+
+namespace atomcam {
+
+struct Scan {
+  const EffectDeclaration* effect = nullptr;
+  std::vector<Uncertain> open;    // the effect's parameters
+  Eigen::MatrixXd draws, values;  // of the effect's parameters; compressed z under the model before
+  std::unique_ptr<Emulator> emulator;
+  Eigen::VectorXd best, width;  // coordinates
+  Eigen::VectorXd predicted;    // compressed z at the best parameters
+  double log_likelihood = 0;    // relative to that of the model before: the evidence for the effect
+};
+
+/// Effects that make sense on this camera and are not excluded, nor in the model already.
+std::vector<const EffectDeclaration*> candidates(const Model& before,
+                                                 const std::vector<std::string>& excluded);
+
+/// Adds `stacks` stacks of the effect on top of `before` (at its centres): over the whole prior at first,
+/// about the best parameters later.
+void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan, std::uint64_t first,
+             const std::function<void(int)>& progress = {});
+
+/// Parameters that fit best, and the evidence.
+void match(Scan& scan, const Model& before, const Eigen::VectorXd& z);
+
+}  // namespace atomcam

@@ -1,0 +1,27 @@
+#pragma once
+// From differences of the battery to words: which stage of the chain, what it looks like, what to measure
+// next.
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Dense>
+#include "diagnosis/diagnosis.hpp"
+
+namespace atomcam {
+
+/// Where differences of this observable usually arise; of dark frames: the sensor.
+std::string stage_of_observable(std::string_view observable, bool darks);
+
+/// The stage that the differences speak for; known effects that come close count too.
+std::string stage_of_differences(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
+                                 const std::vector<Hypothesis>& hypotheses);
+
+/// In words: stage, axis, static or changing, of the most telling differences.
+std::string describe_differences(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z);
+
+std::vector<std::string> next_measurements(const Diagnosis& diagnosis, bool has_darks);
+std::string sentence_of(const Diagnosis& diagnosis);
+
+}  // namespace atomcam

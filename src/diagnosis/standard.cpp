@@ -1,0 +1,200 @@
+#include "diagnosis/standard.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace atomcam {
+namespace {
+
+constexpr double winsor = 5;         // residuals count at most this many deviations in the estimates
+constexpr double prior_widths = 10;  // of a parameter, in widths of its draws
+constexpr int folds = 10;
+constexpr double largest_z = 1e4;
+constexpr double still = 0.35;
+
+double quantile(std::vector<double> values, double q) {
+  const auto n = static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1) + 0.5);
+  std::nth_element(values.begin(), values.begin() + n, values.end());
+  return values[static_cast<std::size_t>(n)];
+}
+std::vector<double> finite_column(const Eigen::MatrixXd& matrix, Eigen::Index column) {
+  std::vector<double> values;
+  for (Eigen::Index n = 0; n < matrix.rows(); ++n)
+    if (std::isfinite(matrix(n, column))) values.push_back(matrix(n, column));
+  return values;
+}
+
+}  // namespace
+
+const Eigen::MatrixXd& values_of(const Population& population, Part part) {
+  return part == Part::whole ? population.whole : population.part[part == Part::fitting ? 0 : 1];
+}
+
+Standard::Fit Standard::fit(const Eigen::MatrixXd& statistics, const Eigen::MatrixXd& draws) const {
+  const Eigen::Index n = statistics.rows(), p = statistics.cols(), m = draws.cols();
+  Fit fit;
+  fit.middle.setZero(p);
+  fit.spread.setZero(p);
+  for (Eigen::Index i = 0; i < p; ++i) {
+    const std::vector<double> values = finite_column(statistics, i);
+    if (values.size() < 8 || values.size() < static_cast<std::size_t>(n) * 9 / 10) continue;
+    fit.middle(i) = quantile(values, 0.5);
+    fit.spread(i) = std::max(0.7413 * (quantile(values, 0.75) - quantile(values, 0.25)),
+                             (quantile(values, 0.975) - quantile(values, 0.025)) / 4.5);
+    // A statistic that the model never moves (no event of its kind) counts in its own unit.
+    if (fit.spread(i) < 1e-9) fit.spread(i) = still;
+  }
+  fit.draw_mean = draws.colwise().mean();
+  fit.draw_spread = ((draws.rowwise() - fit.draw_mean.transpose()).colwise().squaredNorm() /
+                     static_cast<double>(std::max<Eigen::Index>(1, n - 1)))
+                        .cwiseSqrt();
+  Eigen::MatrixXd z(n, p);
+  for (Eigen::Index k = 0; k < n; ++k)
+    z.row(k) = scaled(fit, statistics.row(k).transpose()).cwiseMax(-8).cwiseMin(8).transpose();
+  Eigen::MatrixXd design(n, m + 1);
+  design.col(0).setOnes();
+  for (Eigen::Index j = 0; j < m; ++j)
+    design.col(j + 1) = fit.draw_spread(j) > 0
+                            ? Eigen::VectorXd((draws.col(j).array() - fit.draw_mean(j)) / fit.draw_spread(j))
+                            : Eigen::VectorXd::Zero(n);
+  Eigen::MatrixXd normal = design.transpose() * design;
+  normal.diagonal().tail(m).array() += 0.5;
+  const Eigen::MatrixXd inverse = normal.ldlt().solve(Eigen::MatrixXd::Identity(m + 1, m + 1));
+  Eigen::MatrixXd coefficients = inverse * (design.transpose() * z);
+  for (int round = 0; round < 2; ++round) {  // outliers must not tilt the slopes
+    const Eigen::MatrixXd predicted = design * coefficients;
+    coefficients =
+        inverse * (design.transpose() * (predicted + (z - predicted).cwiseMax(-2.5).cwiseMin(2.5)));
+  }
+  Eigen::MatrixXd rest = z - design * coefficients;
+  for (Eigen::Index i = 0; i < p; ++i) {
+    fit.middle(i) += coefficients(0, i) * fit.spread(i);
+    const double noise =
+        std::sqrt(rest.col(i).squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, n - m - 1)));
+    // A slope that the population does not show is none: a statistic that is far off for a reason of its own
+    // must not speak about parameters it knows nothing of.
+    for (Eigen::Index j = 0; j < m; ++j)
+      if (std::fabs(coefficients(j + 1, i)) < 3 * noise * std::sqrt(inverse(j + 1, j + 1)))
+        coefficients(j + 1, i) = 0;
+  }
+  fit.slope = coefficients.bottomRows(m).transpose();
+  rest = z - Eigen::VectorXd::Ones(n) * coefficients.row(0) - design.rightCols(m) * fit.slope.transpose();
+  const double keep = static_cast<double>(n) / static_cast<double>(n + p);
+  Eigen::MatrixXd covariance =
+      rest.transpose() * rest * (keep / static_cast<double>(std::max<Eigen::Index>(1, n)));
+  const Eigen::VectorXd own_variance = covariance.diagonal() / keep;
+  for (Eigen::Index i = 0; i < p; ++i) covariance(i, i) = std::max(own_variance(i), 0.05);
+  // delta = (J^T C^-1 J + W^-1)^-1 J^T C^-1 z
+  const Eigen::MatrixXd weighted = covariance.ldlt().solve(fit.slope);  // C^-1 J
+  Eigen::MatrixXd information = fit.slope.transpose() * weighted;
+  information.diagonal().array() += 1 / (prior_widths * prior_widths);
+  fit.estimator = information.ldlt().solve(weighted.transpose());
+  return fit;
+}
+
+Eigen::VectorXd Standard::scaled(const Fit& fit, const Eigen::VectorXd& statistics) const {
+  Eigen::VectorXd z = Eigen::VectorXd::Zero(statistics.size());
+  for (Eigen::Index i = 0; i < z.size(); ++i)
+    if (fit.spread(i) > 0 && std::isfinite(statistics(i)))
+      z(i) = std::clamp((statistics(i) - fit.middle(i)) / fit.spread(i), -largest_z, largest_z);
+  return z;
+}
+
+Eigen::VectorXd Standard::deltas(const Fit& fit, const Eigen::VectorXd& z,
+                                 const Eigen::VectorXd& known_values) const {
+  Eigen::VectorXd delta = Eigen::VectorXd::Zero(fit.draw_mean.size());
+  const auto put_known = [&] {
+    for (std::size_t k = 0; k < known_.size(); ++k) {
+      const Eigen::Index j = known_[k];
+      if (known_values.size() == static_cast<Eigen::Index>(known_.size()) && fit.draw_spread(j) > 0)
+        delta(j) = (known_values(static_cast<Eigen::Index>(k)) - fit.draw_mean(j)) / fit.draw_spread(j);
+    }
+  };
+  put_known();
+  for (int round = 0; round < 5; ++round) {
+    const Eigen::VectorXd rest = z - fit.slope * delta;
+    delta += fit.estimator * rest.cwiseMax(-winsor).cwiseMin(winsor);
+    put_known();
+  }
+  return delta;
+}
+
+Standard::Standard(const Population& population, Part part, std::vector<Eigen::Index> known)
+    : known_(std::move(known)) {
+  const Eigen::MatrixXd& statistics = values_of(population, part);
+  const Eigen::Index n = statistics.rows(), p = statistics.cols(), m = population.draws.cols();
+  fit_ = fit(statistics, population.draws);
+  own_.setZero(n, p);
+  Eigen::MatrixXd misses(n, m);
+  for (int fold = 0; fold < folds; ++fold) {
+    std::vector<Eigen::Index> in, out;
+    for (Eigen::Index k = 0; k < n; ++k) (k % folds == fold ? out : in).push_back(k);
+    if (out.empty() || in.empty()) continue;
+    Eigen::MatrixXd s(static_cast<Eigen::Index>(in.size()), p), d(static_cast<Eigen::Index>(in.size()), m);
+    for (std::size_t k = 0; k < in.size(); ++k) {
+      s.row(static_cast<Eigen::Index>(k)) = statistics.row(in[k]);
+      d.row(static_cast<Eigen::Index>(k)) = population.draws.row(in[k]);
+    }
+    const Fit without = fit(s, d);
+    for (const Eigen::Index k : out) {
+      Eigen::VectorXd given(static_cast<Eigen::Index>(known_.size()));
+      for (std::size_t j = 0; j < known_.size(); ++j)
+        given(static_cast<Eigen::Index>(j)) = population.draws(k, known_[j]);
+      const Eigen::VectorXd z = scaled(without, statistics.row(k).transpose());
+      const Eigen::VectorXd delta = deltas(without, z, given);
+      own_.row(k) = (z - without.slope * delta).transpose();
+      for (Eigen::Index i = 0; i < p; ++i)
+        if (!std::isfinite(statistics(k, i)) || without.spread(i) <= 0) own_(k, i) = 0;
+      misses.row(k) =
+          (without.draw_mean + delta.cwiseProduct(without.draw_spread)).transpose() - population.draws.row(k);
+    }
+  }
+  estimate_error_ =
+      (misses.colwise().squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, n))).cwiseSqrt();
+  // A heavy tail counts as a wide law: the deviation is at least what the outer quantiles say.
+  deviation_.setZero(p);
+  for (Eigen::Index i = 0; i < p; ++i) {
+    if (!(fit_.spread(i) > 0)) continue;
+    std::vector<double> sizes;
+    for (Eigen::Index k = 0; k < n; ++k) sizes.push_back(std::fabs(own_(k, i)));
+    const double unit = std::max(
+        {1.4826 * quantile(sizes, 0.5), quantile(sizes, 0.9) / 1.645, quantile(sizes, 0.985) / 2.43, 0.2});
+    deviation_(i) = unit * fit_.spread(i);
+    own_.col(i) /= unit;
+  }
+}
+
+Eigen::VectorXd Standard::judge(const Eigen::VectorXd& statistics,
+                                const Eigen::VectorXd& known_values) const {
+  const Eigen::VectorXd z = scaled(fit_, statistics);
+  Eigen::VectorXd rest = z - fit_.slope * deltas(fit_, z, known_values);
+  for (Eigen::Index i = 0; i < rest.size(); ++i)
+    rest(i) = deviation_(i) > 0 && std::isfinite(statistics(i))
+                  ? std::clamp(rest(i) * fit_.spread(i) / deviation_(i), -largest_z, largest_z)
+                  : 0;
+  return rest;
+}
+
+Eigen::VectorXd Standard::estimate(const Eigen::VectorXd& statistics) const {
+  return fit_.draw_mean + deltas(fit_, scaled(fit_, statistics), {}).cwiseProduct(fit_.draw_spread);
+}
+
+NullDistribution::NullDistribution(std::vector<double> samples) : sorted_(std::move(samples)) {
+  std::sort(sorted_.begin(), sorted_.end());
+  if (sorted_.size() < 10) return;
+  const std::size_t from = sorted_.size() - std::max<std::size_t>(4, sorted_.size() / 10);
+  knee_ = sorted_[from];
+  share_ = static_cast<double>(sorted_.size() - from) / static_cast<double>(sorted_.size());
+  double excess = 0;
+  for (std::size_t k = from; k < sorted_.size(); ++k) excess += sorted_[k] - knee_;
+  scale_ = std::max(1e-9, excess / static_cast<double>(sorted_.size() - from));
+}
+
+double NullDistribution::p_value(double value) const {
+  if (sorted_.empty()) return 1;
+  if (value > knee_) return std::max(1e-300, share_ * std::exp(-(value - knee_) / scale_));
+  const auto above = sorted_.end() - std::lower_bound(sorted_.begin(), sorted_.end(), value);
+  return std::min(1.0, (static_cast<double>(above) + 0.5) / (static_cast<double>(sorted_.size()) + 1));
+}
+
+}  // namespace atomcam

@@ -1,0 +1,65 @@
+#pragma once
+// What a model expects of the battery, and by how many standard deviations a stack differs from it, the
+// model's open parameters being estimated from the stack itself: calibration inside the null, linearised.
+
+#include <Eigen/Dense>
+#include <vector>
+
+#include "diagnosis/population.hpp"
+
+namespace atomcam {
+
+enum class Part { whole, fitting, held_out };
+
+const Eigen::MatrixXd& values_of(const Population& population, Part part);
+
+/// A statistic is linear in the open parameters about their centres, with normal-like scatter that is
+/// correlated between statistics: z = J delta + noise. A stack is judged by what is left when the delta that
+/// fits it best (generalised least squares, statistics that do not fit being given less weight) is taken off.
+class Standard {
+ public:
+  /// `known`: columns of the draws whose value judge() is given instead of estimating it.
+  Standard(const Population& population, Part part, std::vector<Eigen::Index> known = {});
+
+  /// Residuals in standard deviations, one per statistic (0 where it cannot be said). `known_values`: of the
+  /// known columns, coordinates.
+  Eigen::VectorXd judge(const Eigen::VectorXd& statistics, const Eigen::VectorXd& known_values = {}) const;
+  /// The same of the population's own stacks, each judged by a standard made without it (ten folds).
+  const Eigen::MatrixXd& own() const { return own_; }
+  /// Open parameters that fit the stack best (coordinates) and the errors of such estimates.
+  Eigen::VectorXd estimate(const Eigen::VectorXd& statistics) const;
+  const Eigen::VectorXd& estimate_error() const { return estimate_error_; }
+  /// Standard deviation of each statistic's residual, in the statistic's unit.
+  const Eigen::VectorXd& deviation() const { return deviation_; }
+
+ private:
+  struct Fit {
+    Eigen::VectorXd middle, spread;  // of the statistics
+    Eigen::VectorXd draw_mean, draw_spread;
+    Eigen::MatrixXd slope;      // J: [statistic, parameter], in spreads per draw spread
+    Eigen::MatrixXd estimator;  // [parameter, statistic]
+  };
+  Fit fit(const Eigen::MatrixXd& statistics, const Eigen::MatrixXd& draws) const;
+  Eigen::VectorXd scaled(const Fit& fit, const Eigen::VectorXd& statistics) const;
+  Eigen::VectorXd deltas(const Fit& fit, const Eigen::VectorXd& z, const Eigen::VectorXd& known_values) const;
+
+  std::vector<Eigen::Index> known_;
+  Fit fit_;
+  Eigen::VectorXd deviation_;
+  Eigen::MatrixXd own_;
+  Eigen::VectorXd estimate_error_;
+};
+
+/// Upper tail of a null distribution that is known by samples: their ranks, and beyond the highest tenth an
+/// exponential of the excess.
+class NullDistribution {
+ public:
+  explicit NullDistribution(std::vector<double> samples);
+  double p_value(double value) const;
+
+ private:
+  std::vector<double> sorted_;
+  double knee_ = 0, scale_ = 1, share_ = 0.1;
+};
+
+}  // namespace atomcam

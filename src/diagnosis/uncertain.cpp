@@ -1,0 +1,159 @@
+#include "diagnosis/uncertain.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.hpp"
+#include "optics/zernike.hpp"
+
+namespace atomcam {
+namespace {
+
+Uncertain relative(std::string name, double width, std::function<void(Lab&, double factor)> scale) {
+  return {.name = std::move(name),
+          .centre = 0,
+          .width = width,
+          .lowest = -5 * width,
+          .highest = 5 * width,
+          .apply = [scale](Lab& lab, double c) { scale(lab, std::exp(c)); },
+          .value = [](double c) { return std::exp(c); }};
+}
+Uncertain shift(std::string name, double width, std::function<void(Lab&, double by)> add) {
+  return {.name = std::move(name),
+          .centre = 0,
+          .width = width,
+          .lowest = -5 * width,
+          .highest = 5 * width,
+          .apply = std::move(add),
+          .value = [](double c) { return c; }};
+}
+double logit(double p) {
+  p = std::clamp(p, 1e-5, 1 - 1e-5);
+  return std::log(p / (1 - p));
+}
+double logistic(double x) {
+  return 1 / (1 + std::exp(-x));
+}
+
+}  // namespace
+
+std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
+  std::vector<Uncertain> open;
+  const Lab& lab = calibration.lab;
+  const bool emccd = lab.kind() == CameraKind::emccd;
+  const double bias_error = emccd ? calibration.counts.bias_error : calibration.dark_maps.bias_error;
+  open.push_back(shift("bias", std::max(0.004, 2 * bias_error),
+                       [](Lab& l, double by) { l.settings.bias_counts += by; }));
+  open.push_back(relative("read_noise", 0.003, [](Lab& l, double factor) {
+    std::visit([&](auto& sensor) { sensor.readout_modes.front().read_noise_e *= factor; }, l.sensor);
+  }));
+  open.push_back(relative("electrons_per_count", 0.012, [](Lab& l, double factor) {
+    // The read noise is known in counts.
+    std::visit(
+        [&](auto& sensor) {
+          sensor.readout_modes.front().electrons_per_count *= factor;
+          sensor.readout_modes.front().read_noise_e *= factor;
+        },
+        l.sensor);
+  }));
+  if (emccd)
+    open.push_back(relative("clock_induced_charge", 0.05, [](Lab& l, double factor) {
+      std::get<EmccdDescription>(l.sensor).clock_induced_charge_e *= factor;
+    }));
+  if (calibration.model.background_e > 0)
+    open.push_back(
+        relative("stray_light", 0.03, [](Lab& l, double factor) { l.stray_light_photons_per_s *= factor; }));
+  if (!emccd) {
+    open.push_back(relative("pixel_offsets", 0.02, [](Lab& l, double factor) {
+      std::get<QcmosDescription>(l.sensor).offset_sigma_counts *= factor;
+    }));
+    open.push_back(relative("column_offsets", 0.15, [](Lab& l, double factor) {
+      std::get<QcmosDescription>(l.sensor).column_gumbel_counts *= factor;
+    }));
+    open.push_back(relative("row_offsets", 0.15, [](Lab& l, double factor) {
+      std::get<QcmosDescription>(l.sensor).row_offset_sigma_counts *= factor;
+    }));
+    open.push_back(relative("read_noise_spread", 0.08, [](Lab& l, double factor) {
+      std::get<QcmosDescription>(l.sensor).read_noise_log_sigma *= factor;
+    }));
+  }
+  if (!calibration.has_sites) return open;
+  open.push_back(
+      relative("atom_light", 0.01, [](Lab& l, double factor) { l.scene.scattering_rate_hz *= factor; }));
+  const AtomFit& atoms = calibration.atoms;
+  const double fill =
+      std::max(0.01, 1.5 * atoms.filling_error) / std::max(0.02, atoms.filling * (1 - atoms.filling));
+  open.push_back(shift("filling", fill,
+                       [](Lab& l, double by) { l.scene.filling = logistic(logit(l.scene.filling) + by); }));
+  const double loss =
+      std::max(2 * atoms.survival_error, 0.002) / std::max(0.003, atoms.survival * (1 - atoms.survival));
+  open.push_back(shift("survival", std::min(loss, 0.5),
+                       [](Lab& l, double by) { l.scene.survival = logistic(logit(l.scene.survival) + by); }));
+  for (const bool y : {false, true})
+    open.push_back(shift(y ? "origin_y" : "origin_x",
+                         std::max(0.005, 2 * calibration.optics.position_error_px), [y](Lab& l, double by) {
+                           auto& grid = std::get<SiteGrid>(l.layout);
+                           (y ? grid.offset_y : grid.offset_x) += by;
+                         }));
+  for (int term = 3; term < zernike_terms; ++term) {
+    const auto row = static_cast<Eigen::Index>(3 + term);
+    const double error =
+        std::clamp(std::sqrt(std::max(0.0, calibration.optics.covariance(row, row))), 2e-5, 0.002);
+    Uncertain one = shift("zernike_" + std::string(zernike_catalogue()[term].key), 1.5 * error,
+                          [term](Lab& l, double by) { l.optics.zernike_um[term] += by; });
+    one.shared = true;
+    open.push_back(std::move(one));
+  }
+  return open;
+}
+
+std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, const Lab& lab) {
+  std::vector<Uncertain> open;
+  const ParameterValues defaults = [&] {
+    ParameterValues values;
+    for (const ParameterDeclaration& p : effect.parameters) values.push_back(p.default_value);
+    return values;
+  }();
+  for (std::size_t k = 0; k < effect.parameters.size(); ++k) {
+    const ParameterDeclaration& p = effect.parameters[k];
+    Uncertain one;
+    one.name = "effects." + effect.name + "." + p.key;
+    const bool strength = k == 0;
+    const bool logarithmic = strength || p.scale == ParameterScale::logarithmic;
+    double low = p.minimum, high = p.maximum;
+    if (strength) {
+      low = std::max(p.minimum, p.default_value / 40);
+      high = std::min(p.maximum, p.default_value * 40);
+    } else if (logarithmic) {
+      low = std::max(p.minimum, p.default_value / 20);
+      high = std::min(p.maximum, p.default_value * 20);
+    }
+    if (logarithmic) low = std::max(low, high * 1e-6);
+    one.lowest = logarithmic ? std::log(low) : low;
+    one.highest = logarithmic ? std::log(high) : high;
+    one.centre = 0.5 * (one.lowest + one.highest);
+    one.width = (one.highest - one.lowest) / std::sqrt(12.0);
+    if (p.unit == "deg") one.cycle = p.maximum - p.minimum;
+    one.value = [logarithmic, integer = p.integer](double c) {
+      const double value = logarithmic ? std::exp(c) : c;
+      return integer ? std::round(value) : value;
+    };
+    one.apply = [name = effect.name, k, defaults, value = one.value, minimum = p.minimum,
+                 maximum = p.maximum](Lab& l, double c) {
+      auto& values = l.effects[name];
+      if (values.empty()) values = defaults;
+      values[k] = std::clamp(value(c), minimum, maximum);
+    };
+    open.push_back(std::move(one));
+  }
+  (void)lab;
+  return open;
+}
+
+std::string stage_of(std::string_view effect) {
+  const EffectDeclaration* declaration = find_effect(effect);
+  if (!declaration) throw Error("effect", std::string(effect) + " is not in the catalogue");
+  return std::string(declaration->stage());
+}
+
+}  // namespace atomcam

@@ -1,0 +1,41 @@
+#pragma once
+// What a model leaves open: parameters of the lab or of an effect, each with a centre and a width to draw it
+// from.
+
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "calibration/calibrate.hpp"
+#include "effects/effect.hpp"
+#include "simulation/lab.hpp"
+
+namespace atomcam {
+
+/// One number of a lab in a coordinate in which it may be drawn from a normal law: itself, or its logarithm.
+struct Uncertain {
+  std::string name;        // "read_noise", "effects.row_noise.sigma_counts"
+  double centre = 0;       // coordinate
+  double width = 0;        // 1 sigma of the draws, coordinate
+  double lowest = -1e300;  // bounds of the coordinate
+  double highest = 1e300;
+  double cycle = 0;  // > 0: an angle, in units of the coordinate
+  /// Drawn for a group of stacks at once: making a point-spread function takes longer than simulating a
+  /// stack.
+  bool shared = false;
+  std::function<void(Lab&, double coordinate)> apply;
+  std::function<double(double coordinate)> value;  // in the parameter's unit
+};
+
+/// What calibration leaves open of the plain model: every fitted figure, a few of its errors wide.
+std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration);
+
+/// The parameters of an effect over the whole range that is worth a look; the first is the strength
+/// (logarithmic). Switching the effect on is part of applying any of them.
+std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, const Lab& lab);
+
+/// The effect's stage: "scene", "optics" or "sensor".
+std::string stage_of(std::string_view effect);
+
+}  // namespace atomcam

@@ -383,6 +383,7 @@ class Diagnoser {
   void conclude() {
     how_far();
     list_differences();
+    result_.plain_lab = plain_.fitted_lab();
     result_.lab = have_final_ ? final_.fitted_lab() : plain_.fitted_lab();
     if (result_.verdict == Verdict::no_gap && result_.p_gap < gap_level)
       result_.verdict = Verdict::unexplained;

@@ -86,7 +86,8 @@ struct Diagnosis {
   double p_gap = 1;    // of the plain model
   double p_after = 1;  // with the found effects
   Calibration calibration;
-  Lab lab;  // calibrated, with the found effects
+  Lab plain_lab;  // calibrated, without effects, as the held-out test used it
+  Lab lab;        // the same with the found effects
   double seconds = 0;
 };
 

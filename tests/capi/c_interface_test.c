@@ -268,11 +268,26 @@ static void threads(void) {
   EXPECT(strstr(atomcam_last_error(), "elsewhere.toml") != NULL);
 }
 
+/* Programs that were compiled against version 0 know these places. */
+static void places_of_members(void) {
+  if (sizeof(void*) != 8) return;
+  EXPECT(offsetof(atomcam_parameter, key) == 8 && offsetof(atomcam_parameter, source) == 40);
+  EXPECT(offsetof(atomcam_parameter, minimum) == 48 && offsetof(atomcam_parameter, default_value) == 64);
+  EXPECT(offsetof(atomcam_parameter, is_text) == 72 && offsetof(atomcam_parameter, is_live) == 88);
+  EXPECT(offsetof(atomcam_effect, name) == 8 && offsetof(atomcam_effect, reference) == 40);
+  EXPECT(offsetof(atomcam_effect, on_emccd) == 48 && offsetof(atomcam_effect, observables) == 64);
+  EXPECT(offsetof(atomcam_truth, present_at_start) == 8 && offsetof(atomcam_truth, electrons_detected) == 64);
+  EXPECT(offsetof(atomcam_truth, shift_x_px) == 72 && offsetof(atomcam_truth, background_e) == 88);
+  EXPECT(ATOMCAM_OK == 0 && ATOMCAM_BAD_INPUT == 1 && ATOMCAM_TOO_SMALL == 2 && ATOMCAM_NO_MEMORY == 3);
+  EXPECT(ATOMCAM_FAILED == 4);
+}
+
 int main(void) {
   char version[32];
   sprintf(version, "%d.%d.%d", ATOMCAM_VERSION_MAJOR, ATOMCAM_VERSION_MINOR, ATOMCAM_VERSION_PATCH);
   EXPECT(strcmp(atomcam_version(), version) == 0);
   EXPECT(strcmp(atomcam_last_error(), "") == 0);
+  places_of_members();
   frames_and_truth();
   keys();
   effects();

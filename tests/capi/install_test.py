@@ -49,6 +49,27 @@ class Install(unittest.TestCase):
         self.assertGreater(len(declared), 20)
         self.assertEqual(shown - {"ATOMCAM_0"}, declared)
 
+    def test_no_name_was_taken_away(self):
+        with open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "names_0.txt")) as kept:
+            promised = set(kept.read().split())
+        names = run("nm", "-D", "--defined-only", os.path.join(self.libraries, "libatomcam.so"))
+        shown = dict(line.split()[-1].split("@")[:: 2] for line in names.splitlines() if "@@" in line)
+        self.assertGreater(len(promised), 20)
+        self.assertEqual({name: "ATOMCAM_0" for name in promised}, {name: shown.get(name) for name in promised})
+
+    @unittest.skipIf(sanitized(), "a program without sanitizers cannot load a library with them")
+    def test_the_program_of_the_documents(self):
+        with open(os.path.join(ROOT, "docs", "c.md")) as document:
+            (body,) = re.findall(r"```c\n(.*?)```", document.read(), re.S)
+        source = os.path.join(self.folder, "shown.c")
+        with open(source, "w") as stream:
+            stream.write("#include <atomcam.h>\n#include <stdio.h>\n#include <stdlib.h>\nint main(void) {\n" + body
+                         + 'printf("%d %d\\n", (int)counts[0] > 0, (int)filled[0] <= 1);\nreturn 0;\n}\n')
+        flags = run("pkg-config", "--cflags", "--libs", "atomcam", env=self.environment).split()
+        program = os.path.join(self.folder, "shown")
+        run("cc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", source, *flags, "-o", program)
+        self.assertEqual(run(program, env=self.environment), "1 1\n")
+
     @unittest.skipIf(sanitized(), "a program without sanitizers cannot load a library with them")
     def test_the_example_by_pkg_config(self):
         flags = run("pkg-config", "--cflags", "--libs", "atomcam", env=self.environment).split()

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <filesystem>
+#include <thread>
 
 #include "base/error.hpp"
 #include "simulation/frame_range.hpp"
@@ -189,6 +191,30 @@ TEST(Workbench, WhatASimulationInheritsChangesNoBit) {
       EXPECT_EQ(bench.simulation()->render(3).counts, Simulation(bench.lab()).render(3).counts) << key;
     }
   }
+}
+
+TEST(Workbench, ThreadsMayChangeAndRenderAtOnce) {
+  Workbench bench(small_lab("ixon-ultra-897"));
+  bench.set("camera.em_gain", 300.0);
+  const CountImage high = bench.simulation()->render(0).counts;
+  bench.set("camera.em_gain", 20.0);
+  const CountImage low = bench.simulation()->render(0).counts;
+  ASSERT_FALSE(high == low);
+  std::atomic<int> strange = 0;
+  {
+    std::jthread changing([&] {
+      for (int i = 0; i < 30; ++i) bench.set("camera.em_gain", i % 2 ? 300.0 : 20.0);
+    });
+    std::vector<std::jthread> rendering;
+    for (int t = 0; t < 2; ++t)
+      rendering.emplace_back([&] {
+        for (int i = 0; i < 30; ++i) {
+          const CountImage counts = bench.simulation()->render(0).counts;
+          if (!(counts == high) && !(counts == low)) ++strange;
+        }
+      });
+  }
+  EXPECT_EQ(strange, 0);
 }
 
 TEST(Workbench, ALabAtOddsWithItselfGivesNoSimulation) {

@@ -154,30 +154,27 @@ class FitsStackReader : public StackReader {
     fits_open_diskfile(fits_.address(), file.c_str(), READONLY, fits_.status());
     fits_.check("read");
     truth_ = read_texts(fits_, "TRUTH");
-    if (const auto notes = read_texts(fits_, "NOTES"); !notes.empty()) notes_ = parse_notes(file, notes[0]);
+    if (const auto notes = read_texts(fits_, "NOTES"); !notes.empty()) set_notes(parse_notes(file, notes[0]));
     int axes = 0, type = 0;
     LONGLONG size[3] = {0, 0, 1};
     fits_movabs_hdu(fits_, 1, nullptr, fits_.status());
     fits_get_img_paramll(fits_, 3, &type, &axes, size, fits_.status());
     fits_.check("read");
     if (axes < 2) throw Error(file.string(), "its primary array is no image");
-    shape_ = {static_cast<int>(size[1]), static_cast<int>(size[0])};
-    frames_ = static_cast<std::uint64_t>(size[2]);
-  }
-  CountImage counts(std::uint64_t frame) override {
-    if (frame >= frames_) throw Error(file_.string(), "frame " + std::to_string(frame) + " is not in it");
-    CountImage image(shape_);
-    const auto pixels = static_cast<LONGLONG>(shape_.pixels());
-    int any = 0;
-    errno = 0;
-    fits_read_img(fits_, TUSHORT, static_cast<LONGLONG>(frame) * pixels + 1, pixels, nullptr,
-                  image.pixels().data(), &any, fits_.status());
-    fits_.check("read");
-    return image;
+    set_shape(static_cast<std::uint64_t>(size[2]), static_cast<std::uint64_t>(size[1]),
+              static_cast<std::uint64_t>(size[0]), PixelType::uint16);
   }
   std::string truth(std::uint64_t frame) override { return frame < truth_.size() ? truth_[frame] : "null"; }
 
  private:
+  void fetch(std::uint64_t frame, std::span<std::byte> pixels) override {
+    int any = 0;
+    errno = 0;
+    fits_read_img(fits_, TUSHORT, static_cast<LONGLONG>(frame * shape_.pixels()) + 1,
+                  static_cast<LONGLONG>(shape_.pixels()), nullptr, pixels.data(), &any, fits_.status());
+    fits_.check("read");
+  }
+
   Fits fits_;
   std::vector<std::string> truth_;
 };

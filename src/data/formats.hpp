@@ -1,5 +1,5 @@
 #pragma once
-// One pair of functions per file format; stack.cpp chooses.
+// Functions per file format; stack.cpp and open_stack.cpp choose.
 
 #include "data/stack.hpp"
 
@@ -16,6 +16,7 @@ std::unique_ptr<StackWriter> write_fits(const Path& file, Shape shape, const Sta
 std::unique_ptr<StackWriter> write_npy(const Path& file, Shape shape, const StackNotes& notes,
                                        std::uint64_t expected_frames);
 
+/// What is read is told by its content; open_stack.cpp chooses.
 std::unique_ptr<StackReader> read_tiff(const Path& file);
 std::unique_ptr<StackReader> read_hdf5(const Path& file);
 std::unique_ptr<StackReader> read_fits(const Path& file);

@@ -139,26 +139,16 @@ class Hdf5StackReader : public StackReader {
     hsize_t size[3] = {};
     if (H5Sget_simple_extent_ndims(space) != 3) throw Error(file.string(), "'frames' has not three axes");
     H5Sget_simple_extent_dims(space, size, nullptr);
-    frames_ = size[0];
-    shape_ = {static_cast<int>(size[1]), static_cast<int>(size[2])};
+    set_shape(size[0], size[1], size[2], PixelType::uint16);
     has_truth_ = H5Lexists(hdf5_, "truth", H5P_DEFAULT) > 0;
-    for (const auto& [name, text] : {std::pair("lab", &notes_.lab), std::pair("settings", &notes_.settings)})
+    StackNotes notes;
+    for (const auto& [name, text] : {std::pair("lab", &notes.lab), std::pair("settings", &notes.settings)})
       if (H5Lexists(hdf5_, name, H5P_DEFAULT) > 0) *text = read_text(name, nullptr);
-  }
-  CountImage counts(std::uint64_t frame) override {
-    if (frame >= frames_) throw Error(file_.string(), "frame " + std::to_string(frame) + " is not in it");
-    CountImage image(shape_);
-    const hsize_t start[3] = {frame, 0, 0};
-    const hsize_t count[3] = {1, static_cast<hsize_t>(shape_.rows), static_cast<hsize_t>(shape_.columns)};
-    const Handle space = made(H5Dget_space(pixels_), H5Sclose);
-    H5Sselect_hyperslab(space, H5S_SELECT_SET, start, nullptr, count, nullptr);
-    const Handle memory = made(H5Screate_simple(3, count, nullptr), H5Sclose);
-    check(H5Dread(pixels_, H5T_NATIVE_UINT16, memory, space, H5P_DEFAULT, image.pixels().data()));
-    return image;
+    set_notes(std::move(notes));
   }
   std::string truth(std::uint64_t frame) override {
     const hsize_t start = frame;
-    return has_truth_ && frame < frames_ ? read_text("truth", &start) : "null";
+    return has_truth_ && frame < frames() ? read_text("truth", &start) : "null";
   }
 
  private:
@@ -178,6 +168,15 @@ class Hdf5StackReader : public StackReader {
     const std::string text = value ? value : "";
     H5Dvlen_reclaim(text_, memory, H5P_DEFAULT, &value);
     return text;
+  }
+
+  void fetch(std::uint64_t frame, std::span<std::byte> pixels) override {
+    const hsize_t start[3] = {frame, 0, 0};
+    const hsize_t count[3] = {1, static_cast<hsize_t>(shape_.rows), static_cast<hsize_t>(shape_.columns)};
+    const Handle space = made(H5Dget_space(pixels_), H5Sclose);
+    H5Sselect_hyperslab(space, H5S_SELECT_SET, start, nullptr, count, nullptr);
+    const Handle memory = made(H5Screate_simple(3, count, nullptr), H5Sclose);
+    check(H5Dread(pixels_, H5T_NATIVE_UINT16, memory, space, H5P_DEFAULT, pixels.data()));
   }
 
   Handle hdf5_, text_, pixels_;

@@ -69,17 +69,9 @@ class NpyStackReader : public StackReader {
       throw Error(file.string(), "not a C-ordered array of 16-bit counts");
     read_shape(header_value(file, header, "'shape'", ')'));
     if (const Path settings = beside(file, ".settings.json"); std::filesystem::exists(settings))
-      notes_ = parse_notes(settings, File(settings, "rb").read_all());
+      set_notes(parse_notes(settings, File(settings, "rb").read_all()));
     if (const Path truth = beside(file, ".truth.jsonl"); std::filesystem::exists(truth))
       read_truth(File(truth, "rb").read_all());
-  }
-  CountImage counts(std::uint64_t frame) override {
-    CountImage image(shape_);
-    const auto bytes = std::as_writable_bytes(image.pixels());
-    array_.seek(data_ + static_cast<std::int64_t>(frame * bytes.size()));
-    if (frame >= frames_ || !array_.read(bytes))
-      throw Error(file_.string(), "frame " + std::to_string(frame) + " is not in it");
-    return image;
   }
   std::string truth(std::uint64_t frame) override { return frame < truth_.size() ? truth_[frame] : "null"; }
 
@@ -94,8 +86,7 @@ class NpyStackReader : public StackReader {
         throw Error(file_.string(), "its shape (" + std::string(text) + ") is not frames, rows, columns");
       at = end;
     }
-    frames_ = sizes[0];
-    shape_ = {static_cast<int>(sizes[1]), static_cast<int>(sizes[2])};
+    set_shape(sizes[0], sizes[1], sizes[2], PixelType::uint16);
   }
   void read_truth(const std::string& lines) {
     for (std::size_t at = 0; at < lines.size();) {
@@ -103,6 +94,11 @@ class NpyStackReader : public StackReader {
       truth_.push_back(lines.substr(at, end - at));
       at = end + 1;
     }
+  }
+
+  void fetch(std::uint64_t frame, std::span<std::byte> pixels) override {
+    array_.seek(data_ + static_cast<std::int64_t>(frame * pixels.size()));
+    if (!array_.read(pixels)) fail(frame, "the file ends before it");
   }
 
   File array_;

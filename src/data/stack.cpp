@@ -15,12 +15,10 @@ namespace {
 struct Format {
   const char* extension;
   decltype(&write_tiff) write;
-  decltype(&read_tiff) read;
 };
 constexpr std::array formats = {
-    Format{".tif", write_tiff, read_tiff},  Format{".tiff", write_tiff, read_tiff},
-    Format{".h5", write_hdf5, read_hdf5},   Format{".hdf5", write_hdf5, read_hdf5},
-    Format{".fits", write_fits, read_fits}, Format{".npy", write_npy, read_npy},
+    Format{".tif", write_tiff},  Format{".tiff", write_tiff}, Format{".h5", write_hdf5},
+    Format{".hdf5", write_hdf5}, Format{".fits", write_fits}, Format{".npy", write_npy},
 };
 
 const Format& format_of(const Path& file) {
@@ -53,12 +51,6 @@ void StackWriter::append(const CountImage& frame, const std::string& truth) {
       line, [](char letter) { return letter == '\n' || letter == '\r'; }, ' ');
   write(frame, line);
   ++frames_;
-}
-
-std::unique_ptr<StackReader> StackReader::open(const Path& file) {
-  const Format& format = format_of(file);
-  if (!std::filesystem::exists(file)) throw Error(file.string(), "no such file");
-  return format.read(file);
 }
 
 const std::vector<std::string>& stack_extensions() {

@@ -1,6 +1,6 @@
 #pragma once
-// Stacks of frames in files, [frame, row, column] of 16-bit counts, with each frame's truth and what made
-// them:
+// Stacks of frames written to files, [frame, row, column] of 16-bit counts, with each frame's truth and what
+// made them:
 //   .tif .tiff   one page a frame (BigTIFF from 4 GB on); its ImageDescription is JSON with the frame's truth
 //   .h5 .hdf5    datasets "frames" [n, rows, columns], "truth" [n] (JSON texts), "lab", "settings"
 //   .fits        a cube in the primary array, tables TRUTH (one row a frame) and NOTES behind it
@@ -13,15 +13,9 @@
 #include <vector>
 
 #include "base/image.hpp"
+#include "data/stack_reader.hpp"
 
 namespace atomcam {
-
-/// What made a stack; both may be empty.
-struct StackNotes {
-  std::string lab;       // lab file, TOML
-  std::string settings;  // JSON object
-  bool operator==(const StackNotes&) const = default;
-};
 
 /// Writes frame by frame. What cannot be written throws an Error that names the file.
 class StackWriter {
@@ -45,27 +39,6 @@ class StackWriter {
   std::filesystem::path file_;
   Shape shape_;
   std::uint64_t frames_ = 0;
-};
-
-/// Reads a stack that a StackWriter wrote.
-class StackReader {
- public:
-  static std::unique_ptr<StackReader> open(const std::filesystem::path& file);
-  virtual ~StackReader() = default;
-  virtual CountImage counts(std::uint64_t frame) = 0;
-  /// JSON; "null" for none.
-  virtual std::string truth(std::uint64_t frame) = 0;
-  std::uint64_t frames() const { return frames_; }
-  Shape shape() const { return shape_; }
-  const StackNotes& notes() const { return notes_; }
-
- protected:
-  explicit StackReader(std::filesystem::path file) : file_(std::move(file)) {}
-
-  std::filesystem::path file_;
-  Shape shape_;
-  std::uint64_t frames_ = 0;
-  StackNotes notes_;
 };
 
 /// Extensions with their dot, in the order of the list above.

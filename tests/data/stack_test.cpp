@@ -48,9 +48,9 @@ class Stack : public testing::TestWithParam<std::string> {
     writer->finish();
   }
   void expect(std::uint64_t frames) {
-    const auto reader = StackReader::open(file_);
+    const auto reader = open_stack(file_);
     ASSERT_EQ(reader->frames(), frames);
-    EXPECT_EQ(reader->shape(), shape_);
+    EXPECT_EQ(reader->shape().frame(), shape_);
     EXPECT_EQ(reader->notes(), some_notes);
     for (std::uint64_t i = frames; i-- > 0;) {  // any order
       EXPECT_TRUE(reader->counts(i) == some_counts(shape_, i)) << "frame " << i;
@@ -97,7 +97,7 @@ TEST_P(Stack, TruthMayBeMissingAndHaveLines) {
   writer->append(some_counts(shape_, 0), "");
   writer->append(some_counts(shape_, 1), "{\n\"a\": 1}");
   writer->finish();
-  const auto reader = StackReader::open(file_);
+  const auto reader = open_stack(file_);
   EXPECT_EQ(reader->truth(0), "null");
   EXPECT_EQ(reader->truth(1), "{ \"a\": 1}");
   EXPECT_EQ(reader->notes(), StackNotes{});
@@ -122,9 +122,9 @@ TEST_P(Stack, SaysWhyItCannotBeWritten) {
 }
 
 TEST_P(Stack, SaysWhyItCannotBeRead) {
-  expect_named(file_, "no such file", [&] { StackReader::open(file_); });
+  expect_named(file_, "no such file", [&] { open_stack(file_); });
   std::ofstream(file_) << "these are no pixels, but enough bytes to look like something at first sight";
-  EXPECT_THROW(StackReader::open(file_), Error);
+  EXPECT_THROW(open_stack(file_), Error);
 }
 
 TEST_P(Stack, SaysThatTheDiskIsFull) {

@@ -40,7 +40,7 @@ bool report(const char* what, bool pass, const std::string& line) {
 }
 
 void run(const CheckOptions& options) {
-  const auto stack = StackReader::open(options.stack);
+  const auto stack = open_stack(options.stack);
   if (stack->frames() == 0) throw Error(options.stack, "no frames");
   const Lab lab = lab_of(options, stack->notes());
   const StackSettings settings = StackSettings::parse(stack->notes().settings, options.stack);

@@ -266,7 +266,7 @@ TruthCheck check_truth(StackReader& stack, const Lab& lab, const StackSettings& 
     throw Error(place, "its settings do not tell the electrons per count");
   if (settings.pixel_format != "Mono16")
     throw Error(place, "pixel format " + settings.pixel_format + "; allowed Mono16");
-  Checker checker(lab, settings, stack.shape());
+  Checker checker(lab, settings, stack.shape().frame());
   for (std::uint64_t n = 0; n < stack.frames(); ++n)
     checker.add(stack.counts(n), frame_atoms(stack.truth(n), place));
   return checker.result();

@@ -3,6 +3,7 @@
 // both are timed in turns and the ratio is printed.
 //
 //   frames_bench [--emccd-baseline "COMMAND"] [--qcmos-baseline "COMMAND"] [--rounds N]
+//   frames_bench --effects
 
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -89,6 +90,38 @@ void measure(const char* camera, const std::string& baseline, int frames, int ba
   std::fflush(stdout);
 }
 
+/// What each effect adds to a full frame, and all of the sensor's together; at their declared strengths.
+void measure_effects(const char* camera) {
+  const Lab plain = scene(camera);
+  const Simulation base(plain);
+  const auto frame_s = [&](const Lab& lab) {
+    const Simulation simulation(lab, base);
+    simulation.render(0);
+    double best = 1e9;
+    for (std::uint64_t n = 1; n <= 3; ++n) {
+      const double began = own_cpu_s();
+      simulation.render(n);
+      best = std::min(best, own_cpu_s() - began);
+    }
+    return best;
+  };
+  Lab sensor = plain;
+  sensor.effects.clear();
+  Lab none = sensor;
+  const double plain_s = frame_s(none);
+  std::printf("%s without effects: %.1f ms CPU per frame; each effect adds\n", camera, 1e3 * plain_s);
+  for (const EffectDeclaration& effect : effect_catalogue()) {
+    if (!(plain.kind() == CameraKind::emccd ? effect.emccd : effect.qcmos)) continue;
+    ParameterValues values;
+    for (const ParameterDeclaration& parameter : effect.parameters) values.push_back(parameter.default_value);
+    Lab with = none;
+    with.effects[effect.name] = values;
+    if (effect.stage() == "sensor") sensor.effects[effect.name] = values;
+    std::printf("  %-30s %8.1f ms\n", effect.name.c_str(), 1e3 * (frame_s(with) - plain_s));
+  }
+  std::printf("  all effects of the sensor      %8.1f ms\n", 1e3 * (frame_s(sensor) - plain_s));
+}
+
 }  // namespace
 
 int main(int count, char** arguments) {
@@ -99,6 +132,11 @@ int main(int count, char** arguments) {
     if (option == "--emccd-baseline") emccd = arguments[i + 1];
     if (option == "--qcmos-baseline") qcmos = arguments[i + 1];
     if (option == "--rounds") rounds = std::max(1, std::atoi(arguments[i + 1]));
+  }
+  if (count == 2 && std::string(arguments[1]) == "--effects") {
+    measure_effects("ixon-ultra-897");
+    measure_effects("orca-quest");
+    return 0;
   }
   measure("ixon-ultra-897", emccd, 300, 5, rounds);
   measure("orca-quest", qcmos, 15, 1, rounds);

@@ -1,5 +1,6 @@
 #include "base/samplers.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/math.hpp"
@@ -63,22 +64,47 @@ double sample_gamma(RandomStream& random, double alpha) {
   }
 }
 
+namespace {
+
+/// Probability that none of n happens.
+double binomial_none(std::int64_t n, double p) {
+  return math::exp(static_cast<double>(n) * math::log(1 - p));
+}
+
+std::int64_t invert_binomial(RandomStream& random, std::int64_t n, double p, double none) {
+  const double odds = p / (1 - p);
+  double probability = none, u = random.uniform53();
+  std::int64_t k = 0;
+  while (u > probability && k < n) {
+    u -= probability;
+    ++k;
+    probability *= odds * static_cast<double>(n - k + 1) / static_cast<double>(k);
+  }
+  return k;
+}
+
+}  // namespace
+
+BinomialLaw::BinomialLaw(double p) : p_(p) {
+  const double smaller = std::min(p, 1 - p);
+  if (!(smaller > 0)) return;
+  const auto entries = static_cast<std::size_t>(std::min(1024.0, std::ceil(10 / smaller)));
+  for (std::size_t n = 0; n < entries; ++n)
+    none_.push_back(binomial_none(static_cast<std::int64_t>(n), smaller));
+}
+
+std::int64_t BinomialLaw::operator()(RandomStream& random, std::int64_t n) const {
+  if (n <= 0 || static_cast<std::size_t>(n) >= none_.size()) return sample_binomial(random, n, p_);
+  const double none = none_[static_cast<std::size_t>(n)];
+  return p_ > 0.5 ? n - invert_binomial(random, n, 1 - p_, none) : invert_binomial(random, n, p_, none);
+}
+
 std::int64_t sample_binomial(RandomStream& random, std::int64_t n, double p) {
   if (n <= 0 || !(p > 0)) return 0;
   if (p >= 1) return n;
   if (p > 0.5) return n - sample_binomial(random, n, 1 - p);
   const double q = 1 - p, count = static_cast<double>(n);
-  if (count * p < 10) {
-    const double odds = p / q;
-    double probability = math::exp(count * math::log(q)), u = random.uniform53();
-    std::int64_t k = 0;
-    while (u > probability && k < n) {
-      u -= probability;
-      ++k;
-      probability *= odds * static_cast<double>(n - k + 1) / static_cast<double>(k);
-    }
-    return k;
-  }
+  if (count * p < 10) return invert_binomial(random, n, p, binomial_none(n, p));
   // W. Hoermann, "The generation of binomial random variates", 1993: BTRS.
   const double spread = std::sqrt(count * p * q);
   const double b = 1.15 + 2.53 * spread;

@@ -3,6 +3,7 @@
 // against the law (chi-square, Kolmogorov-Smirnov). Bulk draws of the sensor's fast path stand in src/sensor.
 
 #include <cstdint>
+#include <vector>
 
 #include "base/random.hpp"
 
@@ -18,6 +19,16 @@ std::int64_t sample_poisson(RandomStream& random, double lambda);
 double sample_gamma(RandomStream& random, double alpha);
 /// Binomial law (n >= 0, 0 <= p <= 1): inversion for n min(p, 1 - p) < 10, Hoermann's BTRS above.
 std::int64_t sample_binomial(RandomStream& random, std::int64_t n, double p);
+/// The same draws for many n at one p, from a table.
+class BinomialLaw {
+ public:
+  explicit BinomialLaw(double p);
+  std::int64_t operator()(RandomStream& random, std::int64_t n) const;
+
+ private:
+  double p_;
+  std::vector<double> none_;  // probability of 0 of n, for the smaller of p and 1 - p
+};
 /// Gumbel law of mean 0 and scale `beta` (paper, section "Gumbel Distribution"): location -beta *
 /// euler_gamma.
 double sample_gumbel(RandomStream& random, double beta);

@@ -15,13 +15,13 @@ class ImageLag : public Effect {
          ++back) {
       const ElectronImage earlier = (*context.electrons_of)(context.frame - back);
       if (earlier.empty()) return;
+      const BinomialLaw law(share);
       for (int row = 0; row < electrons.rows(); ++row) {
         RandomStream random =
             context.random("row", static_cast<std::uint32_t>(row) * 4 + static_cast<std::uint32_t>(back - 1));
         for (int column = 0; column < electrons.columns(); ++column)
           if (earlier(row, column) > 0)
-            electrons(row, column) +=
-                static_cast<std::int32_t>(sample_binomial(random, earlier(row, column), share));
+            electrons(row, column) += static_cast<std::int32_t>(law(random, earlier(row, column)));
       }
       share *= fraction_;
     }

@@ -130,6 +130,17 @@ TEST(Binomial, FollowsItsLaw) {
   }
 }
 
+TEST(Binomial, TheTableGivesTheSameDraws) {
+  for (const double p : {0.0, 0.003, 0.02, 0.5, 0.7, 0.999, 1.0}) {
+    const BinomialLaw law(p);
+    for (std::uint32_t n = 0; n < 2000; ++n) {
+      RandomStream one(7, stream_id("test/binomial"), 1, n), other = one;
+      ASSERT_EQ(law(one, n), sample_binomial(other, n, p)) << n << " " << p;
+      ASSERT_EQ(one(), other()) << n << " " << p;
+    }
+  }
+}
+
 TEST(Binomial, EndsAreCertain) {
   RandomStream random(1, stream_id("test/ends"), 0, 0);
   for (int i = 0; i < 100; ++i) {

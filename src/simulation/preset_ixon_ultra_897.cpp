@@ -14,7 +14,7 @@ constexpr Figure figures[] = {
     {"seed", 1, "chosen"},
 
     {"camera.exposure_s", 0.08, paper},
-    {"camera.frame_interval_s", 0.1, "chosen"},
+    {"camera.frame_interval_s", 0.14, "chosen: reading 256 x 256 binned pixels at 1 MHz takes 0.133 s"},
     {"camera.offset_x_px", 0, "full sensor"},
     {"camera.offset_y_px", 0, "full sensor"},
     {"camera.width_px", 512, "full sensor"},

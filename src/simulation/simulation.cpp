@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/error.hpp"
+#include "effects/patterns.hpp"
 #include "simulation/exposure.hpp"
 #include "simulation/landing.hpp"
 #include "simulation/parallel.hpp"
@@ -186,11 +187,8 @@ class Exposure {
   double background_e() const { return light_.background_photons * state_.sensor->quantum_efficiency(); }
 
   std::shared_ptr<const RatioMap> background_ratio() const {
-    if (!light_.response_ratio) return light_.background_ratio;
-    if (!light_.background_ratio) return light_.response_ratio;
-    auto product = std::make_shared<RatioMap>(*light_.background_ratio);
-    const auto response = light_.response_ratio->pixels();
-    for (std::size_t i = 0; i < response.size(); ++i) product->pixels()[i] *= response[i];
+    auto product = light_.background_ratio;
+    if (light_.response_ratio) multiply(product, light_.response_ratio);
     return product;
   }
 

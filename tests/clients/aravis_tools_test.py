@@ -179,7 +179,7 @@ class AravisTools(unittest.TestCase):
             counted = {name: int(count) for name, count in re.findall(r"(n_\w+)\s*[=:]\s*(\d+)", text)}
             print(address, counted)
             self.assertGreater(counted["n_completed_buffers"], 600, text)
-            for name in ("n_failures", "n_underruns", "n_missing_packets"):
+            for name in ("n_failures", "n_underruns", "n_missing_frames", "n_missing_packets"):
                 self.assertEqual(counted[name], 0, text)
 
 

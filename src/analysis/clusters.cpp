@@ -69,7 +69,7 @@ class Clusters : public Family {
         const std::int64_t p = stack_.back();
         stack_.pop_back();
         ++size;
-        charge += static_cast<double>(z[p]) * static_cast<double>(layout_.read_noise) /
+        charge += static_cast<double>(z[p]) * static_cast<double>(layout_.dark_scale) /
                   static_cast<double>(layout_.quiet.inner()[p]);
         left = std::min(left, p % stride), right = std::max(right, p % stride);
         top = std::min(top, p / stride), bottom = std::max(bottom, p / stride);

@@ -21,11 +21,11 @@ struct Record {
   std::size_t frames = 0;
   std::vector<std::uint8_t> part;    // of each frame: 0 or 1
   Floats brightness;                 // [frame][site], of an atom
-  std::vector<double> level;         // clipped mean of the quiet pixels, in read noise
+  std::vector<double> level;         // clipped mean of the quiet pixels, in dark scales
   std::vector<double> linear_level;  // mean of the dark pixels above the bias, counts
   std::vector<double> noise;         // mean square of the clipped residual
   std::vector<double> repeat;  // correlation of the clipped residual with the frame before; NaN for the first
-  std::array<Plane, 2> sum;    // of counts above the bias without the sites' light
+  std::array<Plane, 2> sum;    // of counts above the pedestal without the sites' light
   std::array<Plane, 2> clipped_sum;  // of the same, clipped, in scales
   std::array<std::size_t, 2> in_part{};
 
@@ -51,7 +51,7 @@ struct SecondLook {
   std::size_t frame = 0;
   int part = 0;
   const CountImage& counts;
-  const Plane& light;                    // counts above the bias without the sites' light
+  const Plane& light;                    // counts above the pedestal without the sites' light
   const Plane& mean;                     // of `light` over the stack
   const Plane& scaled;                   // light * inverse_scale, not clipped
   const Plane& residual;                 // clipped at +-3 scales, its mean over the stack taken away
@@ -106,5 +106,7 @@ std::unique_ptr<Family> make_frame_series(const Layout&);
 std::unique_ptr<Family> make_clusters(const Layout&);
 // Only with sites.
 std::unique_ptr<Family> make_site_brightness(const Layout&);
+std::unique_ptr<Family> make_point_spread(const Layout&);
+std::unique_ptr<Family> make_far_light(const Layout&);
 
 }  // namespace atomcam::analysis

@@ -2,6 +2,7 @@
 
 #include <fftw3.h>
 
+#include <map>
 #include <mutex>
 
 namespace atomcam::analysis {
@@ -21,19 +22,20 @@ ImageSpectrum::ImageSpectrum(int rows, int columns)
       image_(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns)),
       spectrum_(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns / 2 + 1)) {
   const std::scoped_lock lock(planner());
+  // Plans are kept: a process measures thousands of stacks of the same shape.
+  static std::map<std::pair<int, int>, fftwf_plan> plans;
+  fftwf_plan& plan = plans[{rows, columns}];
   // Estimated: depends on no measurement, so the bits are the same on every run.
-  plan_ =
-      fftwf_plan_dft_r2c_2d(rows, columns, image_.data(), reinterpret_cast<fftwf_complex*>(spectrum_.data()),
-                            FFTW_ESTIMATE | FFTW_PRESERVE_INPUT);
-}
-
-ImageSpectrum::~ImageSpectrum() {
-  const std::scoped_lock lock(planner());
-  fftwf_destroy_plan(static_cast<fftwf_plan>(plan_));
+  if (!plan)
+    plan = fftwf_plan_dft_r2c_2d(rows, columns, image_.data(),
+                                 reinterpret_cast<fftwf_complex*>(spectrum_.data()),
+                                 FFTW_ESTIMATE | FFTW_PRESERVE_INPUT);
+  plan_ = plan;
 }
 
 void ImageSpectrum::transform() {
-  fftwf_execute(static_cast<fftwf_plan>(plan_));
+  fftwf_execute_dft_r2c(static_cast<fftwf_plan>(plan_), image_.data(),
+                        reinterpret_cast<fftwf_complex*>(spectrum_.data()));
 }
 
 void ImageSpectrum::add_power(std::span<float> sums) const {

@@ -13,7 +13,6 @@ namespace atomcam::analysis {
 class ImageSpectrum {
  public:
   ImageSpectrum(int rows, int columns);
-  ~ImageSpectrum();
   ImageSpectrum(const ImageSpectrum&) = delete;
   ImageSpectrum& operator=(const ImageSpectrum&) = delete;
 

@@ -26,8 +26,8 @@ class FrameSeries : public Family {
       if (record.holds(which, n)) mean += record.linear_level[n] / count, noise += record.noise[n] / count;
     sheet.put("mean", count > 0 ? mean / layout_.white : not_a_number);
     sheet.kind({"frame_means", "time", "whole frame"});
-    put_series(sheet, "noise", record.noise, record, which,
-               noise * noise / static_cast<double>(layout_.shape.pixels()));
+    put_short_series(sheet, "noise", record.noise, record, which,
+                     noise * noise / static_cast<double>(layout_.shape.pixels()));
     // The same noise in two frames: a frame that was sent twice, or a pattern that hops.
     double largest = -1, sum = 0, pairs = 0, smallest = 1;
     for (std::size_t n = 0; n < record.frames; ++n)

@@ -12,6 +12,10 @@
 #else
 #define ATOMCAM_VECTOR_CLONES
 #endif
+// Comparisons and choices stand in the loop itself: in a function of their own they would be taken apart lane
+// by lane before they got to know the wide machine.
+#define ATOMCAM_SMALLER(a, b) ((a) < (b) ? (a) : (b))
+#define ATOMCAM_LARGER(a, b) ((a) > (b) ? (a) : (b))
 #define ATOMCAM_INLINE inline __attribute__((always_inline))
 
 namespace atomcam::analysis {
@@ -31,12 +35,6 @@ ATOMCAM_INLINE void store(float* p, Lanes v) {
 }
 ATOMCAM_INLINE Lanes lanes(float x) {
   return Lanes{x, x, x, x, x, x, x, x};
-}
-ATOMCAM_INLINE Lanes smaller(Lanes a, Lanes b) {
-  return a < b ? a : b;
-}
-ATOMCAM_INLINE Lanes larger(Lanes a, Lanes b) {
-  return a > b ? a : b;
 }
 ATOMCAM_INLINE double total(Lanes v) {
   return (static_cast<double>(v[0]) + v[1]) + (static_cast<double>(v[2]) + v[3]) +

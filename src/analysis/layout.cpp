@@ -62,22 +62,25 @@ Layout::Layout(const StackModel& model, bool for_darks)
     throw Error("stack model", "site light of another shape than the frames");
   const double gain = static_cast<double>(counts_per_e), read = static_cast<double>(read_noise);
   const double events = model.dark_e + (darks ? 0 : model.background_e);
-  background = static_cast<float>(events * gain);
   const double atom = std::max(model.atom_e, 1.0);
   atom_counts = static_cast<float>(atom * gain);
   const double pixel_variance = model.excess_noise * gain * gain;
   white = std::sqrt(read * read + pixel_variance * events);
+  background = multiplied ? static_cast<float>(events * gain) : 0.0f;
+  pedestal = multiplied ? bias : bias + static_cast<float>(events * gain);
+  dark_scale = multiplied ? read_noise : static_cast<float>(white);
+  const double base = static_cast<double>(dark_scale);
   // One electron's exponential tail reaches this often less than once in a million pixels.
   const double tail = multiplied ? 14 * gain : 0;
-  drive_cap = static_cast<float>(std::max(12.0, 3 * gain / read));
+  drive_cap = static_cast<float>(std::max(12.0, 3 * gain / base));
   const bool lit = !darks && !model.site_light.empty() && !model.sites.empty();
   for (int r = 0; r < shape.rows; ++r)
     for (int c = 0; c < shape.columns; ++c) {
       const double light = lit ? std::max(0.0, static_cast<double>(model.site_light(r, c))) : 0.0;
-      const double scale = std::sqrt(read * read + pixel_variance * atom * model.filling * light);
+      const double scale = std::sqrt(base * base + pixel_variance * atom * model.filling * light);
       const double full = std::sqrt(white * white + pixel_variance * atom * light);
       inverse_scale.at(r, c) = static_cast<float>(1 / scale);
-      const double q = read / scale;
+      const double q = base / scale;
       quiet.at(r, c) = static_cast<float>(q);
       quiet_sum += q;
       quiet_square_sum += q * q;

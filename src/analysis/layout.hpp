@@ -28,19 +28,25 @@ struct Layout {
   PlaneShape shape;
   bool darks = false;
   float bias = 0;
-  float read_noise = 1;     // counts
-  float counts_per_e = 1;   // floored at a tiny value
-  float background = 0;     // counts above the bias, expected without atoms
+  float read_noise = 1;    // counts
+  float counts_per_e = 1;  // floored at a tiny value
+  float background = 0;    // counts above the pedestal, expected without atoms
+  /// Taken from every count. With an exponential tail the bias: most dark pixels hold no electron. Else the
+  /// bias and the mean background.
+  float pedestal = 0;
+  /// What a dark pixel's clipping is measured in, counts: the read noise with an exponential tail, else all
+  /// its noise.
+  float dark_scale = 1;
   float atom_counts = 0;    // of a whole atom
   double white = 1;         // expected standard deviation of a dark pixel, counts
   bool multiplied = false;  // gain with excess noise: an exponential tail
   double filling = 0;
   std::vector<PackedSite> packed;
   std::vector<SiteImage> sites;
-  /// 1 / scale on which a pixel is clipped (read noise and, under the sites, shot noise), per count; zero in
-  /// the margin.
+  /// 1 / scale on which a pixel is clipped (that of a dark pixel and, under the sites, shot noise), per
+  /// count; zero in the margin.
   Plane inverse_scale;
-  /// Read noise / that scale: near 1 on dark pixels, small under the sites; zero in the margin.
+  /// Dark pixel's scale / that scale: near 1 on dark pixels, small under the sites; zero in the margin.
   Plane quiet;
   double quiet_sum = 0, quiet_square_sum = 0;
   /// Above this (in scales) a pixel holds more than the model has; huge in the margin.

@@ -25,10 +25,10 @@ void line_sums(const Plane& plane, float* rows, float* columns) {
   }
 }
 
-/// Sums over the lines of one direction: square, product with the next line, with the one after, of the
-/// halves, and with the same line a frame earlier; and the largest line in its own noise.
+/// Sums over the lines of one direction: square, products with the next line and the eighth next, what
+/// alternates, product with the same line a frame earlier; and the largest line in its own noise.
 struct LineSums {
-  enum { square, next, second_next, eighth, odd, before, before_square, white, count };
+  enum { square, next, eighth, odd, before, before_square, white, count };
   std::array<double, count> sums{};
   double largest = 0;
   LineSums& operator+=(const LineSums& other) {
@@ -77,7 +77,6 @@ class Lines : public Family {
       const auto& s = lines.sums;
       sheet.put(name, "variance", std::log(s[LineSums::square] / s[LineSums::white]));
       sheet.put(name, "next", s[LineSums::next] / s[LineSums::square]);
-      sheet.put(name, "second_next", s[LineSums::second_next] / s[LineSums::square]);
       sheet.put(name, "eighth", s[LineSums::eighth] / s[LineSums::square]);
       sheet.put(name, "odd", std::log(s[LineSums::odd] / s[LineSums::square] + 1e-3));
       sheet.put(name, "frame_before", s[LineSums::before] / s[LineSums::before_square]);
@@ -92,7 +91,7 @@ class Lines : public Family {
   void take(Floats& now, const Floats& then, const std::vector<double>& weight,
             const std::vector<double>& square, double level, const SecondLook& look, LineSums& to) {
     const std::size_t n = weight.size();
-    double sum = 0, next = 0, second = 0, eighth = 0, odd = 0, before = 0;
+    double sum = 0, next = 0, eighth = 0, odd = 0, before = 0;
     for (std::size_t i = 0; i < n; ++i) {
       // Each line as if it had the same noise.
       const double v = (static_cast<double>(now[i]) - level * weight[i]) / std::sqrt(square[i] + 1e-9);
@@ -100,7 +99,6 @@ class Lines : public Family {
       sum += v * v;
       to.largest = std::max(to.largest, std::abs(v));
       if (i >= 1) next += v * static_cast<double>(now[i - 1]);
-      if (i >= 2) second += v * static_cast<double>(now[i - 2]);
       if (i >= 8) eighth += v * static_cast<double>(now[i - 8]);
       odd += i % 2 ? v : -v;
       before += v * static_cast<double>(then[i]);
@@ -108,7 +106,6 @@ class Lines : public Family {
     auto& s = to.sums;
     s[LineSums::square] += sum;
     s[LineSums::next] += next;
-    s[LineSums::second_next] += second;
     s[LineSums::eighth] += eighth;
     s[LineSums::odd] += odd * odd;
     if (look.before) {

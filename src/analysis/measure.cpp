@@ -27,6 +27,7 @@ constexpr ListedFamily families[] = {
     {make_readout_spectrum, true, false}, {make_neighbours, true, false},
     {make_trailing, true, false},         {make_frame_series, true, false},
     {make_clusters, true, false},         {make_site_brightness, false, true},
+    {make_point_spread, false, true},     {make_far_light, false, true},
 };
 
 ATOMCAM_VECTOR_CLONES
@@ -35,13 +36,7 @@ void counts_to_plane(const CountImage& counts, float bias, Plane& plane) {
   for (int r = 0; r < counts.rows(); ++r) {
     const std::uint16_t* from = counts.row(r).data();
     float* to = plane.row(r);
-    int c = 0;
-    for (; c + 8 <= columns; c += 8) {
-      CountLanes v;
-      std::memcpy(&v, from + c, sizeof v);
-      store(to + c, __builtin_convertvector(__builtin_convertvector(v, IntLanes), Lanes) - lanes(bias));
-    }
-    for (; c < columns; ++c) to[c] = static_cast<float>(from[c]) - bias;
+    for (int c = 0; c < columns; ++c) to[c] = static_cast<float>(from[c]) - bias;
   }
 }
 
@@ -69,10 +64,12 @@ constexpr float clip = 3;
 ATOMCAM_VECTOR_CLONES
 void add_means(std::size_t n, const float* light, const float* inverse_scale, float* sum,
                float* clipped_sum) {
+  const Lanes top = lanes(clip), bottom = lanes(-clip);
   for (std::size_t i = 0; i < n; i += lane_count) {
     const Lanes x = load(light + i), z = x * load(inverse_scale + i);
+    const Lanes below = ATOMCAM_SMALLER(z, top), clipped = ATOMCAM_LARGER(below, bottom);
     store(sum + i, load(sum + i) + x);
-    store(clipped_sum + i, load(clipped_sum + i) + larger(smaller(z, lanes(clip)), lanes(-clip)));
+    store(clipped_sum + i, load(clipped_sum + i) + clipped);
   }
 }
 
@@ -85,10 +82,12 @@ ATOMCAM_VECTOR_CLONES
 FrameSums residuals(std::size_t n, const float* light, const float* inverse_scale, const float* weight,
                     const float* clipped_mean, const float* before, float* scaled, float* residual,
                     float* quiet) {
+  const Lanes top = lanes(clip), bottom = lanes(-clip);
   Lanes sum = lanes(0), square = lanes(0), repeat = lanes(0);
   for (std::size_t i = 0; i < n; i += lane_count) {
     const Lanes z = load(light + i) * load(inverse_scale + i);
-    const Lanes q = larger(smaller(z, lanes(clip)), lanes(-clip)) - load(clipped_mean + i);
+    const Lanes below = ATOMCAM_SMALLER(z, top), clipped = ATOMCAM_LARGER(below, bottom);
+    const Lanes q = clipped - load(clipped_mean + i);
     const Lanes a = q * load(weight + i);
     store(scaled + i, z);
     store(residual + i, q);
@@ -145,7 +144,7 @@ class Measurement {
     sequence.visit([&](std::size_t n, const CountImage& counts) {
       const int part = record_.part[n];
       ++record_.in_part[static_cast<std::size_t>(part)];
-      counts_to_plane(counts, layout_.bias, light);
+      counts_to_plane(counts, layout_.pedestal, light);
       double level = 0;
       for (std::size_t s = 0; s < sites; ++s) {
         const PackedSite& site = layout_.packed[s];
@@ -195,7 +194,7 @@ class Measurement {
     std::vector<double> norms(record_.frames);
     sequence.visit([&](std::size_t n, const CountImage& counts) {
       const int part = record_.part[n];
-      counts_to_plane(counts, layout_.bias, light);
+      counts_to_plane(counts, layout_.pedestal, light);
       const std::span brightness = std::span(record_.brightness).subspan(n * sites, sites);
       for (std::size_t s = 0; s < sites; ++s)
         take_away(layout_.packed[s], brightness[s], light.all() + layout_.packed[s].offset,

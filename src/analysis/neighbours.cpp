@@ -58,6 +58,8 @@ class Neighbours : public Family {
     sheet.family("neighbours");
     const auto put = [&](const Numbers& sums, std::string_view name) {
       for (std::size_t k = 0; k < step_count; ++k) {
+        // Under the sites only the nearest.
+        if (name == "all" && std::abs(steps[k].columns) + steps[k].rows > 2) continue;
         sheet.kind({steps[k].columns == 0 ? "vertical_correlation" : "horizontal_correlation", "space",
                     name == "dark" ? "dark pixels" : "whole frame"});
         sheet.put(name, steps[k].name, sums[1 + k] / sums[0]);

@@ -82,14 +82,13 @@ class PixelHistogram : public Family {
     const double scale = std::max(layout_.white, read);
     const double end =
         bias + (layout_.multiplied ? 12 * static_cast<double>(layout_.counts_per_e) : 8 * scale) + 5 * read;
-    double mean = 0, odd = 0, four[4] = {}, low_tail = 0, low_number = 0, high_tail = 0, high_number = 0;
+    double mean = 0, odd = 0, low_tail = 0, low_number = 0, high_tail = 0, high_number = 0;
     const double gain = static_cast<double>(layout_.counts_per_e);
     const double low_end = band5 + gain, high_begin = std::max(band5, bias + gain);
     for (std::size_t code = first; code < last; ++code) {
       const double n = at(code), x = static_cast<double>(code);
       mean += n * std::min(x, end);
       odd += code % 2 ? n : -n;
-      four[code % 4] += n;
       if (x > band5 && x <= low_end) {
         low_tail += n * (x - band5);
         low_number += n;
@@ -121,8 +120,6 @@ class PixelHistogram : public Family {
     // Codes that the converter prefers or leaves out.
     const double width = std::sqrt(total);
     sheet.put("odd_codes", std::asinh(odd / width / 4));
-    sheet.put("codes_of_four",
-              std::log((std::pow(four[0] - four[2], 2) + std::pow(four[1] - four[3], 2)) / total + 1));
     double missing = 0;
     const double p16 = quantile(.16), p84 = quantile(.84);
     for (std::size_t code = first + 1; code + 1 < last; ++code)

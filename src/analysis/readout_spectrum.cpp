@@ -28,7 +28,7 @@ class ReadoutSpectrum : public Family {
 
   void second_look(const SecondLook& look) override {
     // A sample of the frames is enough; transforms are dear.
-    const std::size_t every = std::max<std::size_t>(1, frames_ / sampled_frames);
+    const std::size_t every = (frames_ + sampled_frames - 1) / sampled_frames;
     if (look.frame % every) return;
     const int columns = layout_.shape.columns;
     for (int r = 0; r < layout_.shape.rows; ++r)
@@ -45,7 +45,7 @@ class ReadoutSpectrum : public Family {
   }
 
  private:
-  static constexpr std::size_t sampled_frames = 64;
+  static constexpr std::size_t sampled_frames = 60;
   const Layout& layout_;
   std::size_t frames_ = 0;
   ImageSpectrum frame_;

@@ -37,4 +37,17 @@ inline double core_spread(const std::vector<float>& values) {
   return spread;
 }
 
+/// How far values stand out: sums of the squared excess over three of their spread, above and below. Steady
+/// where a number of outliers would jump.
+struct Outliers {
+  double above = 0, below = 0, highest = 0, lowest = 0;
+  void take(double z) {
+    const double over = z > 3 ? z - 3 : 0, under = z < -3 ? z + 3 : 0;
+    above += over * over;
+    below += under * under;
+    highest = z > highest ? z : highest;
+    lowest = z < lowest ? z : lowest;
+  }
+};
+
 }  // namespace atomcam::analysis

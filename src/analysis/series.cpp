@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "analysis/fourier.hpp"
+#include "analysis/robust.hpp"
 
 namespace atomcam::analysis {
 namespace {
@@ -13,6 +14,7 @@ struct Series {
   std::vector<double> value;  // mean taken away; zero where there is none
   std::vector<char> there;
   double count = 0, variance = 0;
+  double noise = 0;  // variance without drift, jumps and what changes between odd and even frames
 
   Series(std::span<const double> values, const Record& record, Part which)
       : value(record.frames), there(record.frames) {
@@ -30,6 +32,11 @@ struct Series {
         value[n] -= sum / count;
         variance += value[n] * value[n] / (count - 1);
       }
+    std::vector<float> steps;
+    for (std::size_t n = 2; n < value.size(); ++n)
+      if (there[n] && there[n - 2])
+        steps.push_back(static_cast<float>((value[n] - value[n - 2]) / std::numbers::sqrt2));
+    noise = steps.size() < 3 ? variance : std::pow(core_spread(steps), 2);
   }
   double correlation(std::size_t lag) const {
     double sum = 0, pairs = 0;
@@ -39,7 +46,7 @@ struct Series {
   }
   /// In standard errors of white noise, x from -1 to 1 along the stack.
   double projection(double (*shape)(double)) const {
-    if (count < 4 || variance == 0) return not_a_number;
+    if (count < 4 || noise == 0) return not_a_number;
     const double scale = 2 / static_cast<double>(value.size());
     double mean = 0, sum = 0, square = 0;
     for (std::size_t n = 0; n < value.size(); ++n)
@@ -50,7 +57,7 @@ struct Series {
         sum += s * value[n];
         square += s * s;
       }
-    return sum / std::sqrt(square * variance);
+    return sum / std::sqrt(square * noise);
   }
 };
 
@@ -62,8 +69,8 @@ void put_short_series(Sheet& sheet, std::string_view name, std::span<const doubl
   const auto enough = [&](double value) { return series.count < 3 ? not_a_number : value; };
   sheet.put(name, "variance", enough(std::log(series.variance / white)));
   sheet.put(name, "correlation_1", enough(series.correlation(1)));
-  sheet.put(name, "trend", std::asinh(series.projection([](double x) { return x; })));
-  sheet.put(name, "curvature", std::asinh(series.projection([](double x) { return x * x; })));
+  sheet.put(name, "trend", std::asinh(series.projection([](double x) { return x; }) / 4));
+  sheet.put(name, "curvature", std::asinh(series.projection([](double x) { return x * x; }) / 4));
 }
 
 void put_series(Sheet& sheet, std::string_view name, std::span<const double> values, const Record& record,
@@ -71,7 +78,7 @@ void put_series(Sheet& sheet, std::string_view name, std::span<const double> val
   put_short_series(sheet, name, values, record, which, white);
   const Series series(values, record, which);
   sheet.put(name, "correlation_5", series.correlation(5));
-  const double sigma = std::sqrt(series.variance);
+  const double sigma = std::sqrt(series.noise);
   double jump = 0, first = 0, first_count = 0, odd = 0, largest = 0;
   for (std::size_t n = 0; n < series.value.size(); ++n) {
     if (!series.there[n]) continue;
@@ -98,10 +105,10 @@ void put_series(Sheet& sheet, std::string_view name, std::span<const double> val
             present.size() >= 2 * width ? std::log(jump / (sigma * std::sqrt(2.0 * width))) : not_a_number);
   sheet.put(name, "largest", series.count < 3 ? not_a_number : std::log(largest / sigma));
   sheet.put(name, "first_frames",
-            first_count > 0 && series.count > 5 ? std::asinh(first / sigma / std::sqrt(first_count))
+            first_count > 0 && series.count > 5 ? std::asinh(first / sigma / std::sqrt(first_count) / 4)
                                                 : not_a_number);
   sheet.put(name, "odd_frames",
-            series.count < 4 ? not_a_number : std::asinh(odd / sigma / std::sqrt(series.count / 4)));
+            series.count < 4 ? not_a_number : std::asinh(odd / sigma / std::sqrt(series.count / 4) / 4));
   if (series.count < 16 || series.variance == 0) {
     sheet.put(name, "peak", not_a_number);
     return;

@@ -37,8 +37,6 @@ class SiteBrightness : public Family {
     pairs(0, 1, near_);
     pairs(2, 1, far_);
     pairs(1, 2, far_);
-    pairs(3, 0, far_);
-    pairs(0, 3, far_);
   }
 
   void summarise(Part which, const Record& record, Sheet& sheet) const override {
@@ -120,7 +118,7 @@ class SiteBrightness : public Family {
 
     // Site against site.
     const auto field = [&](std::string_view name, const std::vector<double>& value,
-                           const std::vector<double>& error2, Sheet::Kind kind) {
+                           const std::vector<double>& error2, Sheet::Kind kind, bool all) {
       sheet.kind(kind);
       double w_sum = 0, mean = 0;
       for (std::size_t s = 0; s < sites; ++s)
@@ -149,6 +147,7 @@ class SiteBrightness : public Family {
       sheet.put(name, "gradient_x", ok(sign(gx / std::sqrt(nx))));
       sheet.put(name, "gradient_y", ok(sign(gy / std::sqrt(ny))));
       sheet.put(name, "radial", ok(sign(radial / std::sqrt(nr))));
+      if (!all) return;
       sheet.put(name, "diagonal", ok(sign(xy / std::sqrt(nxy))));
       sheet.put(name, "left_right", ok(sign(lr / std::sqrt(n))));
       sheet.put(name, "top_bottom", ok(sign(tb / std::sqrt(n))));
@@ -171,64 +170,60 @@ class SiteBrightness : public Family {
       site_empty[s] = site_empties[s] > 0 ? site_empty[s] / site_empties[s] : 0;
       empty_error2[s] = site_empties[s] > 1 ? empty_variance / site_empties[s] : 0;
     }
-    field("by_site", site_mean, error2, {"site_brightness", "site", "occupied sites"});
-    field("filling_by_site", filling, filling_error2, {"site_histogram", "site", "all sites"});
-    field("empty_by_site", site_empty, empty_error2, {"mean_map", "site", "empty sites"});
+    field("by_site", site_mean, error2, {"site_brightness", "site", "occupied sites"}, true);
+    field("filling_by_site", filling, filling_error2, {"site_histogram", "site", "all sites"}, false);
+    field("empty_by_site", site_empty, empty_error2, {"mean_map", "site", "empty sites"}, false);
     sheet.kind({"site_histogram", "site", "all sites"});
     double lost_chi = 0;
     for (std::size_t s = 0; s < sites; ++s) lost_chi += std::pow(lost[s] - lost_all, 2) / lost_error2[s];
     sheet.put("partial_by_site.spread", ok(std::log(lost_chi / static_cast<double>(sites - 1))));
 
     // Along the stack: what the occupied sites have in common.
-    std::vector<double> common(record.frames, not_a_number), loaded(record.frames, not_a_number),
-        empties(record.frames, not_a_number);
+    std::vector<double> common(record.frames, not_a_number), loaded(record.frames, not_a_number);
     double white = 0, white_count = 0;
     for (const std::size_t n : chosen) {
-      double sum = 0, k = 0, filled = 0, low = 0, low_count = 0;
+      double sum = 0, k = 0, filled = 0;
       for (std::size_t s = 0; s < sites; ++s) {
         const double b = record.bright(n, s);
         filled += b > occupied_above;
         if (b > core_from) sum += b - site_mean[s], ++k;
-        if (b < 0.25) low += b - site_empty[s], ++low_count;
       }
       loaded[n] = filled / static_cast<double>(sites);
       if (k > 0) common[n] = sum / k, white += noise / k, ++white_count;
-      if (low_count > 0) empties[n] = low / low_count;
     }
     sheet.kind({"brightness_series", "time", "occupied sites"});
     put_series(sheet, "common", common, record, which, white / white_count);
     sheet.kind({"site_histogram", "time", "all sites"});
     put_short_series(sheet, "loading", loaded, record, which,
                      p * (1 - p) / static_cast<double>(sites) + 1e-6);
-    sheet.kind({"frame_means", "time", "empty sites"});
-    put_short_series(sheet, "empty_level", empties, record, which,
-                     empty_variance / std::max(empty / frames, 1.0));
 
     // Pairs.
     double near_product = 0, near_pairs = 0, far_product = 0, far_pairs = 0;
     double exchange = 0, exchange_far = 0, occupancy_near = 0, occupancy_far = 0, row_product = 0,
            row_pairs = 0;
     double spill = 0, spill_pairs = 0;
+    std::vector<double> now(sites), residual(sites), filled(sites);
     for (const std::size_t n : chosen) {
-      const auto residual = [&](std::size_t s) {
-        const double b = record.bright(n, s);
-        return b > core_from ? b - site_mean[s] - common[n] : not_a_number;
-      };
+      for (std::size_t s = 0; s < sites; ++s) {
+        const double b = now[s] = record.bright(n, s);
+        residual[s] = b > core_from ? b - site_mean[s] - common[n] : not_a_number;
+        filled[s] = (b > occupied_above ? 1 : 0) - filling[s];
+      }
       const auto middle = [](double b) { return b > 0.2 && b < 0.8; };
       const auto each = [&](const std::pair<std::size_t, std::size_t>& pair, double& product, double& pairs,
                             double& swapped, double& both) {
-        const double a = record.bright(n, pair.first), b = record.bright(n, pair.second);
-        const double ra = residual(pair.first), rb = residual(pair.second);
+        const double a = now[pair.first], b = now[pair.second];
+        const double ra = residual[pair.first], rb = residual[pair.second];
         if (ra == ra && rb == rb) product += ra * rb, ++pairs;
         swapped += middle(a) && middle(b) && std::abs(a + b - 1) < 0.3;
-        both += ((a > occupied_above) - filling[pair.first]) * ((b > occupied_above) - filling[pair.second]);
+        both += filled[pair.first] * filled[pair.second];
       };
       for (std::size_t k = 0; k < near_.size(); ++k) {
         const double before = near_product, pairs_before = near_pairs;
         each(near_[k], near_product, near_pairs, exchange, occupancy_near);
         if (k < along_rows_) row_product += near_product - before, row_pairs += near_pairs - pairs_before;
         // Light of an occupied site at its empty neighbour.
-        const double a = record.bright(n, near_[k].first), b = record.bright(n, near_[k].second);
+        const double a = now[near_[k].first], b = now[near_[k].second];
         if (a > core_from && b < 0.25) spill += b - site_empty[near_[k].second], ++spill_pairs;
         if (b > core_from && a < 0.25) spill += a - site_empty[near_[k].first], ++spill_pairs;
       }

@@ -7,17 +7,15 @@ namespace atomcam::analysis {
 void put_spectrum(Sheet& sheet, std::span<const float> power, int rows, int columns) {
   const auto half = static_cast<std::size_t>(columns / 2 + 1);
   float along_row = 0, along_column = 0, oblique = 0;
-  double sum = 0, low = 0, high = 0, count = 0, low_count = 0, high_count = 0, row_sum = 0, column_sum = 0;
+  double sum = 0, low = 0, high = 0, count = 0, low_count = 0, high_count = 0;
   for (int u = 0; u < rows; ++u) {
     const int fu = std::min(u, rows - u);
     const float* line = power.data() + static_cast<std::size_t>(u) * half;
     if (fu == 0) {
-      for (std::size_t v = 1; v < half; ++v)
-        along_row = std::max(along_row, line[v]), row_sum += static_cast<double>(line[v]);
+      for (std::size_t v = 1; v < half; ++v) along_row = std::max(along_row, line[v]);
       continue;
     }
     along_column = std::max(along_column, line[0]);
-    column_sum += static_cast<double>(line[0]);
     float top = 0;
     double line_sum = 0;
     for (std::size_t v = 1; v < half; ++v)
@@ -39,8 +37,6 @@ void put_spectrum(Sheet& sheet, std::span<const float> power, int rows, int colu
   put("peak_along_rows", static_cast<double>(along_row));
   put("peak_along_columns", static_cast<double>(along_column));
   put("peak_oblique", static_cast<double>(oblique));
-  put("along_rows", row_sum / static_cast<double>(half - 1));
-  put("along_columns", column_sum / std::max(rows - 1, 1));
   put("low", low / std::max(low_count, 1.0));
   put("high", high / std::max(high_count, 1.0));
 }

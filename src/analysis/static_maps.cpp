@@ -78,8 +78,8 @@ class StaticMaps : public Family {
     sheet.put("gradient_x", slope(amplitude[x1]));
     sheet.put("gradient_y", slope(amplitude[y1]));
     sheet.put("radial", slope(amplitude[xx] + amplitude[yy]));
-    sheet.put("saddle", slope(amplitude[xx] - amplitude[yy]));
-    sheet.put("diagonal", slope(amplitude[xy]));
+    if (all) sheet.put("saddle", slope(amplitude[xx] - amplitude[yy]));
+    if (all) sheet.put("diagonal", slope(amplitude[xy]));
     i = 0;
     for (int r = 0; r < rows; ++r)
       for (int c = 0; c < columns; ++c, ++i) {
@@ -90,21 +90,17 @@ class StaticMaps : public Family {
       }
     const double spread = core_spread(map);
     sheet.put("spread", ok(std::log(spread * std::sqrt(std::max(frames, 1.0)) / sigma)));
-    double above4 = 0, below4 = 0, above6 = 0, below6 = 0, top = 0, bottom = 0;
+    Outliers outliers;
     const float inverse = spread > 0 ? static_cast<float>(1 / spread) : 0.0f;
     for (float& v : map) {
       v *= inverse;
-      const double z = static_cast<double>(v);
-      above4 += z > 4, below4 += z<-4, above6 += z> 6, below6 += z < -6;
-      top = std::max(top, z), bottom = std::min(bottom, z);
+      if (std::abs(v) > 3) outliers.take(static_cast<double>(v));
       v = std::clamp(v, -4.0f, 4.0f);
     }
-    sheet.put("above_4", ok(std::asinh(above4)));
-    sheet.put("below_4", ok(std::asinh(below4)));
-    sheet.put("above_6", ok(std::asinh(above6)));
-    sheet.put("below_6", ok(std::asinh(below6)));
-    sheet.put("highest", ok(std::log(top)));
-    sheet.put("lowest", ok(std::log(-bottom)));
+    sheet.put("above", ok(std::log1p(outliers.above)));
+    if (all) sheet.put("below", ok(std::log1p(outliers.below)));
+    sheet.put("highest", ok(std::log(outliers.highest + 1)));
+    if (all) sheet.put("lowest", ok(std::log(1 - outliers.lowest)));
     // Lines, each in units of its own noise.
     const auto lines = [&](bool along_rows, std::string_view name, std::string_view observable) {
       const auto n = static_cast<std::size_t>(along_rows ? rows : columns);
@@ -132,27 +128,27 @@ class StaticMaps : public Family {
       sheet.put(name, "first", ok(std::asinh(profile.front() / 4)));
       sheet.put(name, "last", ok(std::asinh(profile.back() / 4)));
       sheet.put(name, "next", ok(next / variance));
-      if (!all) return;
       sheet.put(name, "largest", ok(std::log(largest)));
       const double root = std::sqrt(static_cast<double>(n));
       sheet.put(name, "period_2", ok(std::asinh(odd / root / 4)));
       sheet.put(name, "period_4", ok(std::log((re4 * re4 + im4 * im4) / static_cast<double>(n) + 0.3)));
       sheet.put(name, "period_8", ok(std::log((re8 * re8 + im8 * im8) / static_cast<double>(n) + 0.3)));
     };
-    lines(true, "rows", "mean_map");
-    lines(false, "columns", "column_means");
+    if (!all) return;
+    {
+      lines(true, "rows", "mean_map");
+      lines(false, "columns", "column_means");
+    }
     // Neighbours.
     struct Step {
       std::string_view name;
       int rows, columns;
     };
-    constexpr Step steps[] = {{"right_1", 0, 1}, {"right_2", 0, 2}, {"right_4", 0, 4}, {"down_1", 1, 0},
-                              {"down_2", 2, 0},  {"down_4", 4, 0},  {"diagonal", 1, 1}};
+    constexpr Step steps[] = {{"right_1", 0, 1}, {"down_1", 1, 0}, {"diagonal", 1, 1}};
     double own = 0;
     for (const float v : map) own += static_cast<double>(v) * static_cast<double>(v);
     sheet.kind({"mean_map", "space", "whole frame"});
     for (const Step& step : steps) {
-      if (!all && step.name != "right_1" && step.name != "down_1" && step.name != "diagonal") continue;
       double product = 0;
       for (int r = 0; r + step.rows < rows; ++r) {
         const float* a = map.data() + static_cast<std::size_t>(r) * width;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "analysis/family.hpp"
 #include "analysis/lanes.hpp"
@@ -43,9 +44,43 @@ void add_product(std::size_t n, const float* a, const float* b, float* sum) {
   for (std::size_t i = 0; i < n; i += lane_count) store(sum + i, load(sum + i) + load(a + i) * load(b + i));
 }
 
+/// Natural logarithm of a positive number to about 1e-4, in a form that becomes vector code.
+inline float quick_log(float x) {
+  std::uint32_t bits;
+  std::memcpy(&bits, &x, sizeof bits);
+  const auto exponent = static_cast<float>(static_cast<std::int32_t>(bits >> 23) - 127);
+  bits = (bits & 0x007fffffu) | 0x3f800000u;
+  float m;
+  std::memcpy(&m, &bits, sizeof m);
+  // (m - 1) / (m + 1), then the series of atanh.
+  const float t = (m - 1) / (m + 1), t2 = t * t;
+  return 0.69314718f * exponent + 2 * t * (1 + t2 * (1.0f / 3 + t2 * (0.2f + t2 * (1.0f / 7))));
+}
+
 class TemporalMaps : public Family {
  public:
-  explicit TemporalMaps(const Layout& layout) : layout_(layout), sums_(Sums(layout.shape)) {}
+  explicit TemporalMaps(const Layout& layout) : layout_(layout), sums_(Sums(layout.shape)) {
+    std::uint32_t i = 0;
+    for (int r = 0; r < layout.shape.rows; ++r)
+      for (int c = 0; c < layout.shape.columns; ++c, ++i)
+        if (layout.quiet.at(r, c) > 0.5f) quiet_.push_back(i);
+    peer_.assign(layout.shape.pixels(), 0);
+    if (!layout.packed.empty()) {
+      std::vector<std::uint32_t> order(layout.shape.pixels());
+      std::iota(order.begin(), order.end(), 0u);
+      const auto light = [&](std::uint32_t p) {
+        return layout.site_light.at(static_cast<int>(p) / layout.shape.columns,
+                                    static_cast<int>(p) % layout.shape.columns);
+      };
+      std::stable_sort(order.begin(), order.end(),
+                       [&](std::uint32_t a, std::uint32_t b) { return light(a) < light(b); });
+      for (std::size_t k = 0; k < order.size(); ++k)
+        peer_[order[k]] = static_cast<std::uint8_t>(k * peers / order.size());
+    }
+    for (const std::uint8_t peer : peer_) ++peer_count_[peer];
+    // Sites so close that no pixel is quiet: the least lit ones.
+    if (quiet_.size() < layout.shape.pixels() / 10) quiet_ = layout.dark_pixels;
+  }
 
   void second_look(const SecondLook& look) override {
     Sums& sums = sums_[look.part];
@@ -93,13 +128,13 @@ class TemporalMaps : public Family {
     const bool enough = sums.frames >= 4;
     const auto ok = [&](double value) { return enough ? value : not_a_number; };
     // By quarters: amplifiers that differ, glow at an edge.
-    double quarter[2][2] = {}, row_square = 0, column_square = 0, mean = 0, log_mean = 0;
+    double quarter[2][2] = {}, row_square = 0, column_square = 0, mean = 0;
     std::vector<float> logs(pixels);
     for (std::size_t i = 0; i < pixels; ++i) {
-      logs[i] = std::log(variance[i]);
-      log_mean += static_cast<double>(logs[i]) / static_cast<double>(pixels);
+      logs[i] = quick_log(variance[i]);
       mean += static_cast<double>(variance[i]) / static_cast<double>(pixels);
     }
+    among_peers(logs);
     std::vector<double> rows(static_cast<std::size_t>(layout_.shape.rows)),
         columns(static_cast<std::size_t>(layout_.shape.columns));
     double gx = 0, gy = 0, norm_x = 0, norm_y = 0, radial = 0, norm_radial = 0;
@@ -107,7 +142,7 @@ class TemporalMaps : public Family {
       for (int c = 0; c < layout_.shape.columns; ++c) {
         const auto i = static_cast<std::size_t>(r) * static_cast<std::size_t>(layout_.shape.columns) +
                        static_cast<std::size_t>(c);
-        const double d = static_cast<double>(logs[i]) - log_mean;
+        const double d = static_cast<double>(logs[i]);
         const double y = (2.0 * r + 1) / layout_.shape.rows - 1,
                      x = (2.0 * c + 1) / layout_.shape.columns - 1;
         const double q = x * x + y * y - 2.0 / 3;
@@ -117,10 +152,12 @@ class TemporalMaps : public Family {
       }
     for (const double d : rows) row_square += d * d;
     for (const double d : columns) column_square += d * d;
-    for (float& v : logs) v -= static_cast<float>(log_mean);
     double own = 0;
     for (const float v : logs) own += static_cast<double>(v) * static_cast<double>(v);
-    const double spread = core_spread(logs);
+    std::vector<float> quiet_logs;
+    quiet_logs.reserve(quiet_.size());
+    for (const std::uint32_t p : quiet_) quiet_logs.push_back(logs[p]);
+    const double spread = core_spread(quiet_logs);
     sheet.kind({"variance_map", "space", "whole frame"});
     sheet.put("variance", ok(std::log(mean)));
     sheet.put("variance_spread", ok(std::log(spread * std::sqrt(std::max(frames, 1.0) / 2))));
@@ -133,30 +170,27 @@ class TemporalMaps : public Family {
     sheet.put("crosswise", ok((quarter[0][0] + quarter[1][1] - quarter[0][1] - quarter[1][0]) / n));
     sheet.put("rows", ok(std::log(row_square / own)));
     sheet.put("columns", ok(std::log(column_square / own)));
-    double noisy4 = 0, noisy6 = 0, quiet4 = 0, most = 0, least = 0;
-    for (const float v : logs) {
-      const double z = static_cast<double>(v) / spread;
-      noisy4 += z > 4, noisy6 += z > 6, quiet4 += z < -4;
-      most = std::max(most, z), least = std::min(least, z);
-    }
-    sheet.put("noisy_4", ok(std::asinh(noisy4)));
-    sheet.put("noisy_6", ok(std::asinh(noisy6)));
-    sheet.put("quiet_4", ok(std::asinh(quiet4)));
-    sheet.put("noisiest", ok(std::log(most)));
-    sheet.put("quietest", ok(std::log(-least)));
+    // Outliers among the quiet pixels: under the sites the law of the noise is another in every stack.
+    const std::vector<std::uint32_t>& quiet = quiet_;
+    Outliers noisy;
+    for (const std::uint32_t p : quiet) noisy.take(static_cast<double>(logs[p]) / spread);
+    sheet.put("noisy", ok(std::log1p(noisy.above)));
+    sheet.put("quiet", ok(std::log1p(noisy.below)));
+    sheet.put("noisiest", ok(std::log1p(noisy.highest)));
     sheet.put("still", ok(std::asinh(still)));
     float top_linear = 0;
     double sum_linear = 0;
-    for (const float v : linear) sum_linear += static_cast<double>(v), top_linear = std::max(top_linear, v);
+    for (const std::uint32_t p : quiet)
+      sum_linear += static_cast<double>(linear[p]), top_linear = std::max(top_linear, linear[p]);
+    sum_linear *= n / static_cast<double>(quiet.size());
     sheet.put("linear_variance", ok(std::log(sum_linear / n)));
     sheet.put("largest_linear_variance", ok(std::log(static_cast<double>(top_linear) / (sum_linear / n))));
 
     // The noisiest half per cent: two levels that alternate (flat law, memory) or are drawn anew (no memory).
-    const std::size_t few = std::max<std::size_t>(pixels / 200, 4);
-    std::vector<std::uint32_t> order(pixels);
-    for (std::size_t i = 0; i < pixels; ++i) order[i] = static_cast<std::uint32_t>(i);
+    const std::size_t few = std::min(std::max<std::size_t>(quiet.size() / 200, 4), quiet.size() - 1);
+    std::vector<std::uint32_t> order = quiet;
     std::nth_element(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(few), order.end(),
-                     [&](std::uint32_t a, std::uint32_t b) { return variance[a] > variance[b]; });
+                     [&](std::uint32_t a, std::uint32_t b) { return logs[a] > logs[b]; });
     double noisy_variance = 0, noisy_kurtosis = 0, noisy_lag1 = 0, noisy_lag2 = 0;
     for (std::size_t i = 0; i < few; ++i) {
       noisy_variance += static_cast<double>(logs[order[i]]) / static_cast<double>(few);
@@ -173,40 +207,68 @@ class TemporalMaps : public Family {
     sheet.put("lag_1", ok(total_lag1 / total_square * static_cast<double>(n1)));
     sheet.put("lag_2", ok(total_lag2 / total_square * static_cast<double>(n2)));
     const auto tails = [&](std::string_view name, const std::vector<float>& map) {
-      const float sigma = static_cast<float>(1 / std::sqrt(std::max(frames, 1.0)));
-      double beyond = 0, square = 0;
-      float top = 0, bottom = 0;
-      for (const float v : map) {
-        beyond += v > 4.5f * sigma;
-        square += static_cast<double>(v) * static_cast<double>(v);
-        top = std::max(top, v), bottom = std::min(bottom, v);
+      const double sigma = 1 / std::sqrt(std::max(frames, 1.0));
+      Outliers outliers;
+      double square = 0;
+      for (const std::uint32_t p : quiet) {
+        const double v = static_cast<double>(map[p]) / sigma;
+        if (std::abs(v) > 2.5) outliers.take(v);
+        square += v * v;
       }
-      sheet.put(name, "beyond", ok(std::asinh(beyond)));
-      sheet.put(name, "spread", ok(std::log(square / n * std::max(frames, 1.0))));
-      sheet.put(name, "largest", ok(static_cast<double>(top / sigma)));
-      sheet.put(name, "smallest", ok(static_cast<double>(bottom / sigma)));
+      sheet.put(name, "above", ok(std::log1p(outliers.above)));
+      sheet.put(name, "largest", ok(outliers.highest));
+      sheet.put(name, "spread", ok(std::log(square / static_cast<double>(quiet.size()))));
+      sheet.put(name, "below", ok(std::log1p(outliers.below)));
     };
     tails("lag_1_map", lag1);
-    tails("lag_2_map", lag2);
     sheet.kind({"kurtosis_map", "intensity", "whole frame"});
-    double kurtosis_mean = 0;
-    for (const float v : kurtosis) kurtosis_mean += static_cast<double>(v) / n;
-    std::vector<float> centred = kurtosis;
-    for (float& v : centred) v -= static_cast<float>(kurtosis_mean);
+    among_peers(kurtosis);
+    std::vector<float> centred;
+    centred.reserve(quiet.size());
+    for (const std::uint32_t p : quiet) centred.push_back(kurtosis[p]);
     const double kurtosis_spread = core_spread(centred);
-    double flat = 0, peaked = 0;
-    for (const float v : centred) {
-      flat += static_cast<double>(v) < -3.5 * kurtosis_spread;
-      peaked += static_cast<double>(v) > 5 * kurtosis_spread;
-    }
+    Outliers shapes;
+    for (const float v : centred) shapes.take(static_cast<double>(v) / kurtosis_spread);
     sheet.put("kurtosis", ok(std::log(total_fourth / total_square / total_square * n * frames)));
-    sheet.put("kurtosis_spread", ok(std::log(kurtosis_spread)));
-    sheet.put("flat_pixels", ok(std::asinh(flat)));
-    sheet.put("peaked_pixels", ok(std::asinh(peaked)));
+    sheet.put("flat_pixels", ok(std::log1p(shapes.below)));
+    sheet.put("peaked_pixels", ok(std::log1p(shapes.above)));
+    if (layout_.packed.empty()) return;
+    // The noise left over a site's fit, by the share of its light.
+    float peak = 0;
+    for (int r = 0; r < layout_.shape.rows; ++r)
+      for (int c = 0; c < layout_.shape.columns; ++c) peak = std::max(peak, layout_.site_light.at(r, c));
+    constexpr float steps[] = {.003f, .01f, .03f, .1f, .3f};
+    double bin_sum[6] = {}, bin_count[6] = {};
+    std::size_t i = 0;
+    for (int r = 0; r < layout_.shape.rows; ++r)
+      for (int c = 0; c < layout_.shape.columns; ++c, ++i) {
+        std::size_t bin = 0;
+        while (bin < 5 && layout_.site_light.at(r, c) > steps[bin] * peak) ++bin;
+        bin_sum[bin] += static_cast<double>(linear[i]);
+        ++bin_count[bin];
+      }
+    sheet.kind({"mean_variance_curve", "intensity", "whole frame"});
+    constexpr std::string_view names[] = {"0", "1", "2", "3", "4", "5"};
+    for (std::size_t k = 0; k < 6; ++k)
+      sheet.put("by_light", names[k], ok(std::log(bin_sum[k] / bin_count[k])));
   }
 
  private:
   const Layout& layout_;
+  /// Takes the mean over pixels with as much light away from each value.
+  void among_peers(std::vector<float>& values) const {
+    std::array<double, peers> sum{};
+    for (std::size_t i = 0; i < values.size(); ++i) sum[peer_[i]] += static_cast<double>(values[i]);
+    std::array<float, peers> mean{};
+    for (std::size_t k = 0; k < peers; ++k)
+      mean[k] = peer_count_[k] > 0 ? static_cast<float>(sum[k] / peer_count_[k]) : 0.0f;
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] -= mean[peer_[i]];
+  }
+
+  static constexpr std::size_t peers = 16;
+  std::vector<std::uint8_t> peer_;  // of each pixel: its rank by light
+  std::array<double, peers> peer_count_{};
+  std::vector<std::uint32_t> quiet_;  // indices into a frame
   Halves<Sums> sums_;
 };
 

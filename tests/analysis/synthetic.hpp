@@ -70,11 +70,11 @@ inline StackModel model_of(const Camera& camera) {
 /// What an effect may touch.
 struct Hooks {
   /// Brightness of the sites of a frame.
-  std::function<void(std::size_t frame, std::vector<double>& brightness)> brightness;
+  std::function<void(std::size_t frame, std::vector<double>& brightness)> brightness = {};
   /// Expected electrons per pixel, [row * size + column].
-  std::function<void(std::size_t frame, std::vector<double>& expected)> light;
+  std::function<void(std::size_t frame, std::vector<double>& expected)> light = {};
   /// Counts before rounding.
-  std::function<void(std::size_t frame, std::vector<double>& counts)> counts;
+  std::function<void(std::size_t frame, std::vector<double>& counts)> counts = {};
 };
 
 inline FramesInMemory frames_of(const Camera& camera, std::size_t frames, std::uint64_t seed, bool darks,

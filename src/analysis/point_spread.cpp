@@ -1,0 +1,317 @@
+// The image of a site: how the pixels around it follow its brightness from frame to frame, against the share
+// that the model expects; the array's position from frame to frame; the noise in a site's image.
+
+#include <algorithm>
+#include <cmath>
+
+#include "analysis/lanes.hpp"
+#include "analysis/series.hpp"
+
+namespace atomcam::analysis {
+namespace {
+
+/// Brightness from which a site counts as occupied, up to which as empty; classes of occupied sites.
+constexpr double occupied_from = 0.65, empty_to = 0.25, dim_to = 0.92, bright_from = 1.08;
+
+struct StampSums {
+  float x = 0, y = 0, core = 0, wing = 0, cube = 0;
+};
+
+/// response += change * residual; sums of the residual over the stamp.
+ATOMCAM_VECTOR_CLONES
+StampSums add_stamp(std::size_t rows, std::size_t width, const float* light, const float* mean,
+                    std::ptrdiff_t stride, float change, const float* slope_x, const float* slope_y,
+                    const float* core, const float* wing, float* response) {
+  Lanes x = lanes(0), y = x, c2 = x, w2 = x, c3 = x;
+  const Lanes change_lanes = lanes(change);
+  std::size_t i = 0;
+  for (std::size_t r = 0; r < rows; ++r, light += stride, mean += stride)
+    for (std::size_t c = 0; c < width; c += lane_count, i += lane_count) {
+      const Lanes d = load(light + c) - load(mean + c), d2 = d * d, in_core = load(core + i);
+      store(response + i, load(response + i) + change_lanes * d);
+      x += d * load(slope_x + i);
+      y += d * load(slope_y + i);
+      c2 += d2 * in_core;
+      c3 += d2 * d * in_core;
+      w2 += d2 * load(wing + i);
+    }
+  return {static_cast<float>(total(x)), static_cast<float>(total(y)), static_cast<float>(total(c2)),
+          static_cast<float>(total(w2)), static_cast<float>(total(c3))};
+}
+
+/// Templates of a change of the image: its derivatives.
+enum Shape2 { dx, dy, dxx, dyy, dxy, coma_x, coma_y, ring, template_count };
+constexpr std::string_view template_names[] = {"x",        "y",      "width_x", "width_y",
+                                               "diagonal", "coma_x", "coma_y",  "second_ring"};
+constexpr int rings = 8, tails = 4;
+enum Class { empty, dim, usual, bright, class_count };
+
+struct Sums {
+  Floats response;                 // all sites' stamps one after the other
+  std::vector<double> change2;     // per site: sum of the squared changes of brightness
+  std::vector<double> core, wing;  // per site, occupied frames
+  std::vector<double> occupied;    // per site: their number
+  std::array<double, class_count> class_core{}, class_wing{}, class_cube{}, class_number{};
+  Sums& operator+=(const Sums& other) {
+    const auto add = [](auto& to, const auto& from) {
+      for (std::size_t i = 0; i < to.size(); ++i) to[i] += from[i];
+    };
+    add(response, other.response), add(change2, other.change2), add(core, other.core), add(wing, other.wing),
+        add(occupied, other.occupied);
+    add(class_core, other.class_core), add(class_wing, other.class_wing), add(class_cube, other.class_cube),
+        add(class_number, other.class_number);
+    return *this;
+  }
+};
+
+class PointSpread : public Family {
+ public:
+  explicit PointSpread(const Layout& layout) : layout_(layout) {
+    std::size_t size = 0;
+    double x_sum = 0, y_sum = 0, extent = 1;
+    for (const SiteImage& site : layout.sites) x_sum += site.x_px, y_sum += site.y_px;
+    x_sum /= static_cast<double>(layout.sites.size()), y_sum /= static_cast<double>(layout.sites.size());
+    for (const SiteImage& site : layout.sites)
+      extent = std::max({extent, std::abs(site.x_px - x_sum), std::abs(site.y_px - y_sum)});
+    for (std::size_t s = 0; s < layout.packed.size(); ++s) {
+      const PackedSite& packed = layout.packed[s];
+      begin_.push_back(size);
+      size += packed.share.size();
+      field_x_.push_back((layout.sites[s].x_px - x_sum) / extent);
+      field_y_.push_back((layout.sites[s].y_px - y_sum) / extent);
+      // Weights of photon noise and read noise together.
+      Weights w;
+      for (Floats* values : {&w.x, &w.y, &w.core, &w.wing}) values->assign(packed.share.size(), 0.0f);
+      for (int r = 0; r < packed.rows; ++r)
+        for (int c = 0; c < packed.columns; ++c) {
+          const std::size_t i = packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
+          const float scale =
+                          layout.inverse_scale
+                              .all()[packed.offset + static_cast<std::size_t>(r * layout.shape.stride + c)],
+                      scale2 = scale * scale;
+          w.x[i] = packed.slope_x[i] * scale2;
+          w.y[i] = packed.slope_y[i] * scale2;
+          w.core[i] = packed.core[i] * scale2;
+          w.wing[i] = packed.wing[i] * scale2;
+          w.core_pixels += static_cast<double>(packed.core[i]);
+          w.wing_pixels += static_cast<double>(packed.wing[i]);
+          w.norm_x += static_cast<double>(w.x[i]) * static_cast<double>(packed.slope_x[i]);
+          w.norm_y += static_cast<double>(w.y[i]) * static_cast<double>(packed.slope_y[i]);
+        }
+      weights_.push_back(std::move(w));
+    }
+    const std::size_t sites = layout.packed.size();
+    Sums zero;
+    zero.response.resize(size);
+    zero.change2.resize(sites), zero.core.resize(sites), zero.wing.resize(sites), zero.occupied.resize(sites);
+    sums_ = Halves<Sums>(zero);
+  }
+
+  void second_look(const SecondLook& look) override {
+    Sums& sums = sums_[look.part];
+    double x = 0, x_norm = 0, y = 0, y_norm = 0;
+    for (std::size_t s = 0; s < layout_.packed.size(); ++s) {
+      const PackedSite& packed = layout_.packed[s];
+      const Weights& w = weights_[s];
+      const double b = static_cast<double>(look.brightness[s]);
+      const float change = look.brightness[s] - look.mean_brightness[s];
+      const StampSums stamp =
+          add_stamp(static_cast<std::size_t>(packed.rows), packed.width, look.light.all() + packed.offset,
+                    look.mean.all() + packed.offset, layout_.shape.stride, change, w.x.data(), w.y.data(),
+                    w.core.data(), w.wing.data(), sums.response.data() + begin_[s]);
+      sums.change2[s] += static_cast<double>(change) * static_cast<double>(change);
+      const int k = b < empty_to        ? empty
+                    : b < occupied_from ? class_count
+                    : b < dim_to        ? dim
+                    : b < bright_from   ? usual
+                                        : bright;
+      if (k == class_count) continue;
+      const auto index = static_cast<std::size_t>(k);
+      sums.class_core[index] += static_cast<double>(stamp.core);
+      sums.class_wing[index] += static_cast<double>(stamp.wing);
+      sums.class_cube[index] += static_cast<double>(stamp.cube);
+      ++sums.class_number[index];
+      if (k == empty) continue;
+      sums.core[s] += static_cast<double>(stamp.core);
+      sums.wing[s] += static_cast<double>(stamp.wing);
+      ++sums.occupied[s];
+      // A shift by d takes d * slope away.
+      x -= b * static_cast<double>(stamp.x), x_norm += b * b * w.norm_x;
+      y -= b * static_cast<double>(stamp.y), y_norm += b * b * w.norm_y;
+    }
+    x_.resize(look.frame + 1, not_a_number);
+    y_.resize(look.frame + 1, not_a_number);
+    x_white_.resize(look.frame + 1);
+    if (x_norm > 0 && y_norm > 0) {
+      x_[look.frame] = x / x_norm;
+      y_[look.frame] = y / y_norm;
+      x_white_[look.frame] = 1 / x_norm;
+    }
+  }
+
+  void summarise(Part which, const Record& record, Sheet& sheet) const override {
+    const std::size_t sites = layout_.packed.size();
+    const Sums sums = sums_.of(which);
+    const bool enough = record.count(which) >= 4;
+    const auto ok = [&](double value) { return enough ? value : not_a_number; };
+
+    // Every site's image against its share.
+    std::vector<std::array<double, template_count>> shape(sites);
+    std::array<double, rings> ring_sum{}, ring_norm{};
+    std::array<double, tails> tail_x{}, tail_y{};
+    double all_change = 0, misfit = 0, misfit_wing = 0, misfit_count = 0, wing_count = 0;
+    for (std::size_t s = 0; s < sites; ++s) {
+      const PackedSite& packed = layout_.packed[s];
+      const float* response = sums.response.data() + begin_[s];
+      const double change2 = sums.change2[s] + 1e-12;
+      all_change += change2;
+      const auto share = [&](int r, int c) -> double {
+        return r < 0 || c < 0 || r >= packed.rows || c >= packed.columns
+                   ? 0.0
+                   : static_cast<double>(packed.share[packed.width * static_cast<std::size_t>(r) +
+                                                      static_cast<std::size_t>(c)]);
+      };
+      const auto laplacian = [&](int r, int c) {
+        return share(r, c + 1) + share(r, c - 1) + share(r + 1, c) + share(r - 1, c) - 4 * share(r, c);
+      };
+      std::array<double, template_count> product{}, norm{};
+      for (int r = 0; r < packed.rows; ++r)
+        for (int c = 0; c < packed.columns; ++c) {
+          const std::size_t i = packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
+          const double e = static_cast<double>(response[i]);  // times change2: counts of a whole atom
+          const double scale = static_cast<double>(
+              layout_.inverse_scale
+                  .all()[packed.offset + static_cast<std::size_t>(r * layout_.shape.stride + c)]);
+          const double w = scale * scale, x = layout_.sites[s].left + c - layout_.sites[s].x_px,
+                       y = layout_.sites[s].top + r - layout_.sites[s].y_px;
+          const double distance = std::sqrt(x * x + y * y);
+          const double t[template_count] = {
+              (share(r, c + 1) - share(r, c - 1)) / 2,
+              (share(r + 1, c) - share(r - 1, c)) / 2,
+              share(r, c + 1) - 2 * share(r, c) + share(r, c - 1),
+              share(r + 1, c) - 2 * share(r, c) + share(r - 1, c),
+              (share(r + 1, c + 1) + share(r - 1, c - 1) - share(r + 1, c - 1) - share(r - 1, c + 1)) / 4,
+              (laplacian(r, c + 1) - laplacian(r, c - 1)) / 2,
+              (laplacian(r + 1, c) - laplacian(r - 1, c)) / 2,
+              laplacian(r, c + 1) + laplacian(r, c - 1) + laplacian(r + 1, c) + laplacian(r - 1, c) -
+                  4 * laplacian(r, c)};
+          for (std::size_t k = 0; k < template_count; ++k)
+            product[k] += e * t[k] * w, norm[k] += t[k] * t[k] * w;
+          if (const int k = static_cast<int>(distance); k < rings) {
+            ring_sum[static_cast<std::size_t>(k)] += e;
+            ring_norm[static_cast<std::size_t>(k)] += change2;
+          }
+          const double z2 = e * e * w / change2;
+          if (packed.core[i] > 0)
+            misfit += z2, ++misfit_count;
+          else
+            misfit_wing += z2, ++wing_count;
+          for (int d = 2; d < 2 + tails; ++d) {
+            if (std::abs(y) < 1.5 && std::abs(std::abs(x) - d) < 0.5)
+              tail_x[static_cast<std::size_t>(d - 2)] += x > 0 ? e : -e;
+            if (std::abs(x) < 1.5 && std::abs(std::abs(y) - d) < 0.5)
+              tail_y[static_cast<std::size_t>(d - 2)] += y > 0 ? e : -e;
+          }
+        }
+      for (std::size_t k = 0; k < template_count; ++k) shape[s][k] = product[k] / norm[k] / change2;
+    }
+    sheet.family("point_spread");
+    for (std::size_t k = 0; k < template_count; ++k) {
+      double mean = 0, spread = 0;
+      for (std::size_t s = 0; s < sites; ++s) mean += shape[s][k] * sums.change2[s] / all_change;
+      sheet.kind({k >= dxx && k <= dxy ? "point_spread_width" : "point_spread_field", "shape", "all sites"});
+      sheet.put(template_names[k], "mean", ok(mean));
+      if (k > dxy) continue;
+      double fx = 0, nx = 0, fy = 0, ny = 0, f2 = 0, n2 = 0, radius2 = 0;
+      for (std::size_t s = 0; s < sites; ++s)
+        radius2 += (field_x_[s] * field_x_[s] + field_y_[s] * field_y_[s]) * sums.change2[s] / all_change;
+      for (std::size_t s = 0; s < sites; ++s) {
+        const double d = shape[s][k] - mean, w = sums.change2[s],
+                     q = field_x_[s] * field_x_[s] + field_y_[s] * field_y_[s] - radius2;
+        spread += d * d * w;
+        fx += d * w * field_x_[s], nx += w * field_x_[s] * field_x_[s];
+        fy += d * w * field_y_[s], ny += w * field_y_[s] * field_y_[s];
+        f2 += d * w * q, n2 += w * q * q;
+      }
+      sheet.kind({"point_spread_field", "shape", "all sites"});
+      sheet.put(template_names[k], "spread", ok(std::log(spread / static_cast<double>(sites))));
+      sheet.put(template_names[k], "along_x", ok(fx / nx));
+      sheet.put(template_names[k], "along_y", ok(fy / ny));
+      sheet.put(template_names[k], "radial", ok(f2 / n2));
+    }
+    sheet.kind({"point_spread_halo", "shape", "around sites"});
+    constexpr std::string_view ring_names[] = {"0", "1", "2", "3", "4", "5", "6", "7"};
+    for (std::size_t k = 0; k < rings; ++k) sheet.put("ring", ring_names[k], ok(ring_sum[k] / ring_norm[k]));
+    sheet.kind({"trailing_charge", "shape", "around sites"});
+    constexpr std::string_view tail_names[] = {"2", "3", "4", "5"};
+    for (std::size_t k = 0; k < tails; ++k) {
+      sheet.put("right_against_left", tail_names[k], ok(tail_x[k] / all_change));
+      sheet.put("down_against_up", tail_names[k], ok(tail_y[k] / all_change));
+    }
+    sheet.kind({"point_spread_width", "shape", "all sites"});
+    sheet.put("misfit.core", ok(std::log(misfit / misfit_count)));
+    sheet.put("misfit.wing", ok(std::log(misfit_wing / wing_count)));
+
+    // Noise in the image against brightness.
+    sheet.family("image_noise");
+    sheet.kind({"mean_variance_curve", "intensity", "occupied sites"});
+    const auto per = [&](const std::array<double, class_count>& sum, Class k) {
+      return std::log(sum[k] / sums.class_number[k]);
+    };
+    const double occupied = sums.class_number[dim] + sums.class_number[usual] + sums.class_number[bright];
+    const double core = sums.class_core[dim] + sums.class_core[usual] + sums.class_core[bright];
+    const double wing = sums.class_wing[dim] + sums.class_wing[usual] + sums.class_wing[bright];
+    const double cube = sums.class_cube[dim] + sums.class_cube[usual] + sums.class_cube[bright];
+    sheet.put("occupied.core", ok(std::log(core / occupied)));
+    sheet.put("occupied.wing", ok(std::log(wing / occupied)));
+    sheet.put("occupied.skewness", ok(cube / std::pow(core, 1.5) * std::sqrt(occupied)));
+    sheet.put("empty.core", ok(per(sums.class_core, empty)));
+    sheet.put("empty.wing", ok(per(sums.class_wing, empty)));
+    sheet.put("bright_against_dim.core", ok(per(sums.class_core, bright) - per(sums.class_core, dim)));
+    sheet.put("bright_against_dim.wing", ok(per(sums.class_wing, bright) - per(sums.class_wing, dim)));
+    double site_spread = 0, site_count = 0, log_mean = 0;
+    std::vector<double> logs(sites, not_a_number);
+    for (std::size_t s = 0; s < sites; ++s)
+      if (sums.occupied[s] > 1)
+        logs[s] = std::log(sums.core[s] / sums.occupied[s]), log_mean += logs[s], ++site_count;
+    log_mean /= site_count;
+    for (const double v : logs)
+      if (v == v) site_spread += (v - log_mean) * (v - log_mean);
+    sheet.kind({"mean_variance_curve", "site", "occupied sites"});
+    sheet.put("by_site.spread", ok(site_count > 1 ? std::log(site_spread / (site_count - 1)) : not_a_number));
+
+    sheet.family("position");
+    sheet.kind({"centroid_series", "time", "all sites"});
+    std::vector<double> x = x_, y = y_;
+    x.resize(record.frames, not_a_number), y.resize(record.frames, not_a_number);
+    double white = 0, white_count = 0, xy = 0, xx = 0, yy = 0;
+    for (std::size_t n = 0; n < record.frames; ++n)
+      if (record.holds(which, n) && std::isfinite(x[n]) && std::isfinite(y[n])) {
+        white += x_white_[n], ++white_count;
+        xy += x[n] * y[n], xx += x[n] * x[n], yy += y[n] * y[n];
+      }
+    white /= white_count;
+    put_series(sheet, "x", x, record, which, white);
+    put_series(sheet, "y", y, record, which, white);
+    sheet.put("together", ok(xy / std::sqrt(xx * yy)));
+  }
+
+ private:
+  struct Weights {
+    Floats x, y, core, wing;
+    double norm_x = 0, norm_y = 0, core_pixels = 0, wing_pixels = 0;
+  };
+  const Layout& layout_;
+  std::vector<std::size_t> begin_;
+  std::vector<Weights> weights_;
+  std::vector<double> field_x_, field_y_, x_, y_, x_white_;
+  Halves<Sums> sums_;
+};
+
+}  // namespace
+
+std::unique_ptr<Family> make_point_spread(const Layout& layout) {
+  return std::make_unique<PointSpread>(layout);
+}
+
+}  // namespace atomcam::analysis

@@ -232,9 +232,9 @@ static void null_pointers(void) {
   atomcam_lab* lab = small_lab();
   double number;
   uint16_t pixel;
-  EXPECT_FAILS(atomcam_lab_load(NULL, &lab), ATOMCAM_BAD_INPUT, "file_or_preset");
-  EXPECT(lab == NULL);
-  lab = small_lab();
+  atomcam_lab *none = lab;
+  EXPECT_FAILS(atomcam_lab_load(NULL, &none), ATOMCAM_BAD_INPUT, "file_or_preset");
+  EXPECT(none == NULL);
   EXPECT_FAILS(atomcam_lab_load("orca-quest", NULL), ATOMCAM_BAD_INPUT, "lab: NULL");
   EXPECT_FAILS(atomcam_lab_set(NULL, "seed", "1"), ATOMCAM_BAD_INPUT, "lab: NULL");
   EXPECT_FAILS(atomcam_lab_set(lab, NULL, "1"), ATOMCAM_BAD_INPUT, "key: NULL");

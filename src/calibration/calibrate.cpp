@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "base/error.hpp"
+#include "calibration/parameter_table.hpp"
 #include "calibration/site_model.hpp"
 #include "optics/zernike.hpp"
 
@@ -112,6 +113,9 @@ class Calibrator {
     }
     write_lab_values();
     result_.model = stack_model(result_.lab);
+    result_.counts_per_electron_error =
+        counts_per_electron() * std::hypot(gain_error_ / em_gain_, epc_error_ / electrons_per_count_);
+    result_.parameters = parameter_table(result_, notes_);
     tell("done", 1);
     return std::move(result_);
   }

@@ -47,6 +47,8 @@ struct Calibration {
   std::vector<double> site_brightness;  // mean light of each site relative to the mean over sites
   std::vector<std::string> warnings;
   bool has_sites = false;
+  double counts_per_electron_error = 0;  // 0: taken from the notes
+  double background_error = 0;           // e per pixel and frame, of a stack without sites
 };
 
 /// The plain model fitted to a stack. Throws Error for stacks that cannot be what the notes say (shape,

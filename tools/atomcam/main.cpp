@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string_view>
 
 #include "atomcam/commands.hpp"
 #include "base/error.hpp"
@@ -20,6 +21,9 @@ int main(int argc, char** argv) {
   atomcam::add_check_truth_command(app);
   atomcam::add_lab_command(app);
   atomcam::add_effects_command(app);
+  atomcam::add_calibrate_command(app);
+  atomcam::add_diagnose_command(app);
+  const int bad_input = argc > 1 && std::string_view(argv[1]) == "diagnose" ? 3 : 2;
   try {
     std::vector<std::string> commands;
     for (const CLI::App* command : app.get_subcommands({})) commands.push_back(command->get_name());
@@ -28,7 +32,7 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const atomcam::Error& error) {
     fmt::print(stderr, "atomcam: {}\n", error.what());
-    return 2;
+    return bad_input;
   } catch (const CLI::RuntimeError& failure) {
     return failure.get_exit_code();
   } catch (const CLI::Success& help) {
@@ -37,7 +41,7 @@ int main(int argc, char** argv) {
     std::string problem = error.what();
     std::ranges::replace(problem, '\n', ' ');
     fmt::print(stderr, "atomcam: {} (try --help)\n", problem);
-    return 2;
+    return bad_input;
   }
   return 0;
 }

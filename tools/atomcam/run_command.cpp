@@ -6,17 +6,17 @@
 
 namespace atomcam {
 
-void run_command(const std::string& name, const std::function<void()>& body) {
+void run_command(const std::string& name, const std::function<void()>& body, int bad_input, int failed) {
   try {
     body();
   } catch (const CLI::Error&) {
     throw;
   } catch (const Error& error) {
     fmt::print(stderr, "atomcam {}: {}\n", name, error.what());
-    throw CLI::RuntimeError(2);
+    throw CLI::RuntimeError(bad_input);
   } catch (const std::exception& error) {
     fmt::print(stderr, "atomcam {}: {}\n", name, error.what());
-    throw CLI::RuntimeError(1);
+    throw CLI::RuntimeError(failed);
   }
 }
 

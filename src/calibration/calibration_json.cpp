@@ -1,0 +1,36 @@
+#include "calibration/calibration_json.hpp"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace atomcam {
+
+nlohmann::ordered_json calibration_json(const Calibration& calibration) {
+  using Json = nlohmann::ordered_json;
+  const auto number = [](double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); };
+  Json parameters = Json::array();
+  for (const CalibratedParameter& one : calibration.parameters) {
+    const bool pulls = one.error > 0 && std::isfinite(one.noted);
+    parameters.push_back({{"key", one.key},
+                          {"unit", one.unit},
+                          {"noted", number(one.noted)},
+                          {"fitted", number(one.fitted)},
+                          {"error", one.error > 0 ? number(one.error) : Json(nullptr)},
+                          {"pull", pulls ? number(one.pull()) : Json(nullptr)},
+                          {"from_notes", one.from_notes}});
+  }
+  Json fits = Json::array();
+  const auto fit = [&](const char* what, double chi_square, int count) {
+    if (count > 0) fits.push_back({{"fit", what}, {"chi_square", number(chi_square)}, {"points", count}});
+  };
+  fit("histogram of counts", calibration.counts.chi_square, calibration.counts.bins);
+  if (calibration.has_sites) {
+    fit("mean image", calibration.optics.chi_square, calibration.optics.degrees_of_freedom);
+    fit("histogram of site brightness", calibration.atoms.chi_square, calibration.atoms.bins);
+  }
+  return {{"parameters", std::move(parameters)},
+          {"goodness_of_fit", std::move(fits)},
+          {"warnings", calibration.warnings}};
+}
+
+}  // namespace atomcam

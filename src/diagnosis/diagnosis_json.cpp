@@ -1,0 +1,116 @@
+#include "diagnosis/diagnosis_json.hpp"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "calibration/calibration_json.hpp"
+
+namespace atomcam {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number(double value) {
+  return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+
+Json effects_of(const Diagnosis& diagnosis) {
+  Json effects = Json::array();
+  for (const FoundEffect& effect : diagnosis.effects) {
+    Json parameters = Json::object();
+    for (const FoundParameter& p : effect.parameters)
+      parameters[p.name] = {{"value", number(p.value)}, {"error", number(p.error)}, {"unit", p.unit}};
+    effects.push_back({{"name", effect.name},
+                       {"stage", effect.stage},
+                       {"parameters", std::move(parameters)},
+                       {"probability", number(effect.probability)},
+                       {"confusable_with", effect.confusable_with}});
+  }
+  return effects;
+}
+
+Json where_of(const Diagnosis& diagnosis) {
+  Json where = Json::array();
+  for (const Difference& one : diagnosis.where)
+    where.push_back({{"stage", one.stage},
+                     {"observable", one.observable},
+                     {"statistic", one.statistic},
+                     {"axis", one.axis},
+                     {"place", one.place},
+                     {"z", number(one.z)},
+                     {"q", number(one.q)},
+                     {"z_after", number(one.z_after)}});
+  return where;
+}
+
+Json gap_of_diagnosis(const Diagnosis& diagnosis) {
+  const GapClosed& gap = diagnosis.gap;
+  Json steps = Json::array();
+  for (const GapStep& step : gap.steps) steps.push_back({{"effect", step.effect}, {"gap", number(step.gap)}});
+  return {{"metric", gap.metric},
+          {"before", number(gap.before)},
+          {"after", number(gap.after)},
+          {"floor", number(gap.floor)},
+          {"closed", number(gap.closed)},
+          {"closed_interval", {number(gap.closed_low), number(gap.closed_high)}},
+          {"p_before", number(diagnosis.p_gap)},
+          {"p_after", number(diagnosis.p_after)},
+          {"steps", std::move(steps)},
+          {"second_opinions", Json::array()}};
+}
+
+Json hypotheses_of(const Diagnosis& diagnosis) {
+  Json list = Json::array();
+  for (const Hypothesis& one : diagnosis.hypotheses) {
+    const bool fitted = one.p_value >= 0;
+    list.push_back({{"effects", one.effects},
+                    {"log_evidence", number(one.log_evidence)},
+                    {"p_value", fitted ? number(one.p_value) : Json(nullptr)},
+                    {"closed", fitted ? number(one.closed) : Json(nullptr)},
+                    {"why_not", one.why_not}});
+  }
+  return list;
+}
+
+Json inputs_of(const DiagnosisInputs& inputs) {
+  Json out = Json::object();
+  for (const DiagnosisInputs::File& file : inputs.files) {
+    Json one = {{"file", file.path}, {"sha256", file.sha256}};
+    if (file.frames > 0) {
+      one["frames"] = file.frames;
+      one["shape"] = {file.shape.rows, file.shape.columns};
+    }
+    out[file.role] = std::move(one);
+  }
+  out["exclude"] = inputs.exclude;
+  out["include"] = inputs.include;
+  out["seed"] = inputs.seed;
+  out["version"] = inputs.version;
+  out["command"] = inputs.command;
+  return out;
+}
+
+}  // namespace
+
+std::string diagnosis_json(const Diagnosis& diagnosis, const DiagnosisInputs& inputs) {
+  const Json calibration = calibration_json(diagnosis.calibration);
+  const Json out = {{"schema", 1},
+                    {"verdict", name_of(diagnosis.verdict)},
+                    {"sentence", diagnosis.sentence},
+                    {"effects", effects_of(diagnosis)},
+                    {"where", where_of(diagnosis)},
+                    {"gap", gap_of_diagnosis(diagnosis)},
+                    {"unexplained",
+                     {{"present", diagnosis.unexplained.present},
+                      {"stage", diagnosis.unexplained.stage},
+                      {"looks_like", diagnosis.unexplained.looks_like}}},
+                    {"hypotheses", hypotheses_of(diagnosis)},
+                    {"calibration", calibration.at("parameters")},
+                    {"warnings", calibration.at("warnings")},
+                    {"next_measurement", diagnosis.next_measurement},
+                    {"inputs", inputs_of(inputs)},
+                    {"seconds", number(diagnosis.seconds)}};
+  return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace atomcam

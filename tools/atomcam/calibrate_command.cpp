@@ -1,0 +1,107 @@
+// atomcam calibrate: a lab file from frames and notes.
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "atomcam/commands.hpp"
+#include "atomcam/output_files.hpp"
+#include "atomcam/run_command.hpp"
+#include "atomcam/step_progress.hpp"
+#include "base/error.hpp"
+#include "calibration/calibrate.hpp"
+#include "calibration/calibration_json.hpp"
+#include "calibration/stack_frames.hpp"
+
+namespace atomcam {
+namespace {
+
+struct CalibrateOptions {
+  std::string frames, darks, notes, output, report;
+  std::string model = "plain";
+};
+
+std::string figure(double value, double error) {
+  if (!std::isfinite(value)) return "-";
+  if (!(error > 0)) return fmt::format("{:.6g}", value);
+  // As many digits as the error has, and one more.
+  const int digits = static_cast<int>(std::floor(std::log10(error)));
+  return fmt::format("{:.{}f}", value, std::clamp(1 - digits, 0, 9));
+}
+
+void print_table(const Calibration& calibration) {
+  std::size_t widest = 9, units = 4;
+  for (const CalibratedParameter& one : calibration.parameters) {
+    widest = std::max(widest, one.key.size());
+    units = std::max(units, one.unit.size());
+  }
+  fmt::print("{:<{}}  {:>12}  {:>14}  {:>10}  {:<{}}  {:>7}\n", "parameter", widest, "notes", "fit", "error",
+             "unit", units, "pull");
+  for (const CalibratedParameter& one : calibration.parameters) {
+    const bool known = one.error > 0, pulls = known && std::isfinite(one.noted);
+    fmt::print("{:<{}}  {:>12}  {:>14}  {:>10}  {:<{}}  {:>7}\n", one.key, widest, figure(one.noted, 0),
+               figure(one.fitted, one.error),
+               one.from_notes ? "by notes"
+               : known        ? fmt::format("{:.2g}", one.error)
+                              : "-",
+               one.unit == "1" ? "" : one.unit, units, pulls ? fmt::format("{:+.1f}", one.pull()) : "");
+  }
+  const auto chi_square = [](const char* what, double value, int count) {
+    if (count > 0) fmt::print("chi square of the {}: {:.0f} over {}\n", what, value, count);
+  };
+  chi_square("histogram of counts", calibration.counts.chi_square, calibration.counts.bins);
+  if (calibration.has_sites) {
+    chi_square("mean image", calibration.optics.chi_square, calibration.optics.degrees_of_freedom);
+    chi_square("histogram of site brightness", calibration.atoms.chi_square, calibration.atoms.bins);
+  }
+  for (const std::string& warning : calibration.warnings) fmt::print("warning: {}\n", warning);
+}
+
+void run(const CalibrateOptions& options) {
+  if (options.model != "plain") throw Error("--model", fmt::format("is '{}'; allowed: plain", options.model));
+  const Notes notes = read_notes(options.notes);
+  const auto frames = open_frames(options.frames);
+  const auto darks = options.darks.empty() ? nullptr : open_frames(options.darks);
+  if (!options.report.empty()) make_folder(options.report, "--report");
+  CalibrationInput input;
+  input.notes = notes;
+  input.frames = frames.get();
+  input.darks = darks.get();
+  Calibration calibration;
+  {
+    StepProgress progress;
+    input.progress = [&](std::string_view step, double done) { progress.update(step, done); };
+    calibration = calibrate(input);
+  }
+  write_text(options.output, write_lab(calibration.lab));
+  if (!options.report.empty())
+    write_text(std::filesystem::path(options.report) / "calibration.json",
+               calibration_json(calibration).dump(2) + "\n");
+  for (const std::string& key : notes.not_understood)
+    fmt::print(stderr, "{}: {}: not understood, left alone\n", options.notes, key);
+  print_table(calibration);
+}
+
+}  // namespace
+
+void add_calibrate_command(CLI::App& app) {
+  auto options = std::make_shared<CalibrateOptions>();
+  CLI::App* command = app.add_subcommand("calibrate", "A lab file whose simulation matches your frames");
+  command->add_option("--frames", options->frames, "Stack of frames of the atoms")->required();
+  command->add_option("--darks", options->darks, "Stack with the shutter closed, same settings");
+  command->add_option("--lab", options->notes, "Notes on the set-up, TOML or JSON (docs/calibration.md)")
+      ->required();
+  command->add_option("-o,--output", options->output, "Lab file to write (TOML)")->required();
+  command->add_option("--report", options->report, "Folder to write report.html and calibration.json into");
+  command->add_option("--model", options->model, "Model to fit: plain")->capture_default_str();
+  command->footer(
+      "Example:\n"
+      "  atomcam calibrate --frames frames.tif --darks darks.tif --lab notes.json -o lab.toml --report "
+      "report");
+  command->callback([options] { run_command("calibrate", [&] { run(*options); }); });
+}
+
+}  // namespace atomcam

@@ -1,0 +1,139 @@
+// atomcam diagnose: where frames differ from their simulation, and why.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <thread>
+
+#include "atomcam/command_text.hpp"
+#include "atomcam/commands.hpp"
+#include "atomcam/file_hash.hpp"
+#include "atomcam/output_files.hpp"
+#include "atomcam/run_command.hpp"
+#include "atomcam/step_progress.hpp"
+#include "calibration/stack_frames.hpp"
+#include "diagnosis/diagnosis.hpp"
+#include "diagnosis/diagnosis_json.hpp"
+
+namespace atomcam {
+namespace {
+
+constexpr int bad_input = 3, failed = 4;
+
+struct DiagnoseOptions {
+  std::string frames, darks, notes, output;
+  std::vector<std::string> exclude, include;
+  std::uint64_t seed = 1;
+  int threads = 0;
+  bool where_only = false;
+};
+
+std::string command_of(const DiagnoseOptions& options) {
+  CommandText text("atomcam diagnose");
+  text.add("--frames", options.frames);
+  if (!options.darks.empty()) text.add("--darks", options.darks);
+  text.add("--lab", options.notes).add("--out", options.output);
+  for (const std::string& name : options.exclude) text.add("--exclude", name);
+  for (const std::string& name : options.include) text.add("--include", name);
+  if (options.where_only) text.add("--where-only");
+  return text.add("--seed", std::to_string(options.seed)).text();
+}
+
+int exit_code(Verdict verdict) {
+  return verdict == Verdict::no_gap ? 0 : verdict == Verdict::explained ? 1 : 2;
+}
+
+void print_summary(const Diagnosis& diagnosis) {
+  fmt::print("{}\n", diagnosis.sentence);
+  if (diagnosis.verdict != Verdict::no_gap)
+    fmt::print("gap {:.1f}, with what was found {:.1f}, floor {:.1f}\n", diagnosis.gap.before,
+               diagnosis.gap.after, diagnosis.gap.floor);
+  for (const FoundEffect& effect : diagnosis.effects)
+    for (const FoundParameter& p : effect.parameters)
+      fmt::print("  {}.{} = {:.4g} +- {:.2g}{}{}\n", effect.name, p.name, p.value, p.error,
+                 p.unit == "1" ? "" : " ", p.unit == "1" ? "" : p.unit);
+  for (const std::string& one : diagnosis.next_measurement) fmt::print("next: {}\n", one);
+}
+
+int run(const DiagnoseOptions& options) {
+  const Notes notes = read_notes(options.notes);
+  const auto frames = open_frames(options.frames);
+  const auto darks = options.darks.empty() ? nullptr : open_frames(options.darks);
+  const std::filesystem::path folder = options.output;
+  make_folder(folder, "--out");
+
+  DiagnosisInputs inputs;
+  inputs.files.push_back(
+      {"frames", options.frames, sha256_of_file(options.frames), frames->frames(), frames->shape()});
+  if (darks)
+    inputs.files.push_back(
+        {"darks", options.darks, sha256_of_file(options.darks), darks->frames(), darks->shape()});
+  inputs.files.push_back({"notes", options.notes, sha256_of_file(options.notes), 0, {}});
+  inputs.exclude = options.exclude;
+  inputs.include = options.include;
+  inputs.seed = options.seed;
+  inputs.version = ATOMCAM_VERSION;
+  inputs.command = command_of(options);
+
+  DiagnosisOptions how;
+  how.exclude = options.exclude;
+  how.include = options.include;
+  how.seed = options.seed;
+  how.where_only = options.where_only;
+  how.threads = options.threads > 0 ? options.threads
+                                    : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  Diagnosis diagnosis;
+  {
+    StepProgress progress;
+    how.progress = [&](std::string_view step, double done) { progress.update(step, done); };
+    diagnosis = diagnose(notes, *frames, darks.get(), how);
+  }
+  write_text(folder / "diagnosis.json", diagnosis_json(diagnosis, inputs));
+  write_text(folder / "lab.toml", write_lab(diagnosis.lab));
+  for (const std::string& key : notes.not_understood)
+    fmt::print(stderr, "{}: {}: not understood, left alone\n", options.notes, key);
+  print_summary(diagnosis);
+  return exit_code(diagnosis.verdict);
+}
+
+}  // namespace
+
+void add_diagnose_command(CLI::App& app) {
+  auto options = std::make_shared<DiagnoseOptions>();
+  CLI::App* command = app.add_subcommand(
+      "diagnose", "Where your frames differ from their simulation, and which effect it is");
+  command->add_option("--frames", options->frames, "Stack of frames of the atoms")->required();
+  command->add_option("--darks", options->darks, "Stack with the shutter closed, same settings");
+  command->add_option("--lab", options->notes, "Notes on the set-up, TOML or JSON (docs/calibration.md)")
+      ->required();
+  command
+      ->add_option("--out", options->output, "Folder to write diagnosis.json, lab.toml and report.html into")
+      ->required();
+  command->add_option("--exclude", options->exclude, "An effect that is not looked for (may be repeated)")
+      ->allow_extra_args(false);
+  command
+      ->add_option("--include", options->include,
+                   "Look for this effect and no others but those included too (may be repeated)")
+      ->allow_extra_args(false);
+  command->add_flag("--where-only", options->where_only, "Say where the gap lies, look for no effects");
+  command->add_option("--seed", options->seed, "Seed of the simulations")->capture_default_str();
+  command
+      ->add_option("--threads", options->threads,
+                   "Threads; the result does not depend on it (default: all cores)")
+      ->check(CLI::Range(1, 1024));
+  command->footer(
+      "Exit code: 0 no gap, 1 gap explained, 2 partly explained, unexplained or ambiguous, 3 bad input, 4 "
+      "something failed.\n\n"
+      "Example:\n"
+      "  atomcam diagnose --frames frames.tif --darks darks.tif --lab notes.json --out diagnosis");
+  command->callback([options] {
+    int code = 0;
+    run_command(
+        "diagnose", [&] { code = run(*options); }, bad_input, failed);
+    if (code != 0) throw CLI::RuntimeError(code);
+  });
+}
+
+}  // namespace atomcam

@@ -170,7 +170,8 @@ class Threads(unittest.TestCase):
 
     def test_an_interrupt_ends_rendering(self):
         script = """
-import small, sys
+import signal, small, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # who runs in the background ignores it
 lab = small.lab()
 lab.render(1)
 print("ready", flush=True)

@@ -82,8 +82,10 @@ class Stubs(unittest.TestCase):
             import mypy  # noqa: F401
         except ImportError:
             self.skipTest("mypy is not installed")
-        result = subprocess.run([sys.executable, "-m", "mypy", "--strict", "--cache-dir", os.devnull, PACKAGE],
-                                capture_output=True, text=True)
+        found = {} if "site-packages" in PACKAGE else {"MYPYPATH": os.path.dirname(PACKAGE)}
+        result = subprocess.run(
+            [sys.executable, "-m", "mypy", "--strict", "--cache-dir", os.devnull, "-p", "atomcam"],
+            env={**os.environ, **found}, capture_output=True, text=True)
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
 
 

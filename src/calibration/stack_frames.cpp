@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "data/stack.hpp"
+#include "data/stack_reader.hpp"
 
 namespace atomcam {
 namespace {
@@ -12,9 +12,9 @@ constexpr std::size_t kept_bytes = 256u << 20;
 class FramesInFile : public FrameSequence {
  public:
   explicit FramesInFile(std::filesystem::path file) : file_(std::move(file)) {
-    const auto reader = StackReader::open(file_);
+    const auto reader = open_stack(file_);
     count_ = static_cast<std::size_t>(reader->frames());
-    shape_ = reader->shape();
+    shape_ = reader->shape().frame();
     if (count_ * shape_.pixels() * 2 <= kept_bytes)
       for (std::size_t n = 0; n < count_; ++n) kept_.push_back(reader->counts(n));
   }
@@ -25,7 +25,7 @@ class FramesInFile : public FrameSequence {
       for (std::size_t n = 0; n < count_; ++n) take(n, kept_[n]);
       return;
     }
-    const auto reader = StackReader::open(file_);
+    const auto reader = open_stack(file_);
     for (std::size_t n = 0; n < count_; ++n) take(n, reader->counts(n));
   }
 

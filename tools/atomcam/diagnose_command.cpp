@@ -66,11 +66,11 @@ int run(const DiagnoseOptions& options) {
 
   DiagnosisInputs inputs;
   inputs.files.push_back(
-      {"frames", options.frames, sha256_of_file(options.frames), frames->frames(), frames->shape()});
+      {"frames", options.frames, sha256_of(options.frames), frames->frames(), frames->shape()});
   if (darks)
     inputs.files.push_back(
-        {"darks", options.darks, sha256_of_file(options.darks), darks->frames(), darks->shape()});
-  inputs.files.push_back({"notes", options.notes, sha256_of_file(options.notes), 0, {}});
+        {"darks", options.darks, sha256_of(options.darks), darks->frames(), darks->shape()});
+  inputs.files.push_back({"notes", options.notes, sha256_of(options.notes), 0, {}});
   inputs.exclude = options.exclude;
   inputs.include = options.include;
   inputs.seed = options.seed;

@@ -27,13 +27,12 @@ struct Events {
 ATOMCAM_VECTOR_CLONES
 void find_events(std::size_t n, const float* scaled, const float* threshold, std::size_t most,
                  std::vector<std::uint32_t>& events) {
-  for (std::size_t i = 0; i < n; i += 2 * lane_count) {
-    const IntLanes any = (load(scaled + i) > load(threshold + i)) |
-                         (load(scaled + i + lane_count) > load(threshold + i + lane_count));
-    std::int64_t words[4];
+  for (std::size_t i = 0; i < n; i += lane_count) {
+    const IntLanes any = load(scaled + i) > load(threshold + i);
+    std::int64_t words[8];
     std::memcpy(words, &any, sizeof words);
-    if (!(words[0] | words[1] | words[2] | words[3])) continue;
-    for (std::size_t k = i; k < i + 2 * lane_count; ++k)
+    if (!(words[0] | words[1] | words[2] | words[3] | words[4] | words[5] | words[6] | words[7])) continue;
+    for (std::size_t k = i; k < i + lane_count; ++k)
       if (scaled[k] > threshold[k] && events.size() < most) events.push_back(static_cast<std::uint32_t>(k));
   }
 }

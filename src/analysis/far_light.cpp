@@ -59,7 +59,7 @@ class FarLight : public Family {
  public:
   explicit FarLight(const Layout& layout)
       : layout_(layout),
-        cell_(std::max(4, (std::min(layout.shape.rows, layout.shape.columns) + 31) / 32)),
+        cell_(std::max(6, (std::min(layout.shape.rows, layout.shape.columns) + 31) / 32)),
         rows_((layout.shape.rows + cell_ - 1) / cell_),
         columns_((layout.shape.columns + cell_ - 1) / cell_),
         width_((static_cast<std::size_t>(columns_) + lane_count - 1) / lane_count * lane_count),

@@ -14,6 +14,13 @@ std::mutex& planner() {
   return mutex;
 }
 
+struct Plans {
+  std::map<std::pair<int, int>, fftwf_plan> of;
+  ~Plans() {
+    for (const auto& [shape, plan] : of) fftwf_destroy_plan(plan);
+  }
+};
+
 }  // namespace
 
 ImageSpectrum::ImageSpectrum(int rows, int columns)
@@ -23,8 +30,8 @@ ImageSpectrum::ImageSpectrum(int rows, int columns)
       spectrum_(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns / 2 + 1)) {
   const std::scoped_lock lock(planner());
   // Plans are kept: a process measures thousands of stacks of the same shape.
-  static std::map<std::pair<int, int>, fftwf_plan> plans;
-  fftwf_plan& plan = plans[{rows, columns}];
+  static Plans plans;
+  fftwf_plan& plan = plans.of[{rows, columns}];
   // Estimated: depends on no measurement, so the bits are the same on every run.
   if (!plan)
     plan = fftwf_plan_dft_r2c_2d(rows, columns, image_.data(),

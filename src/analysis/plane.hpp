@@ -34,7 +34,7 @@ using Floats = std::vector<float, CacheAligned<float>>;
 struct PlaneShape {
   static constexpr int margin_rows = 5;
   static constexpr int margin_columns = 8;
-  static constexpr int lanes = 8;
+  static constexpr int lanes = 16;
 
   int rows = 0, columns = 0;
   std::ptrdiff_t stride = 0;
@@ -43,7 +43,7 @@ struct PlaneShape {
   explicit PlaneShape(Shape shape)
       : rows(shape.rows),
         columns(shape.columns),
-        stride((shape.columns + margin_columns + 2 * lanes - 1) / (2 * lanes) * (2 * lanes)) {}
+        stride((shape.columns + margin_columns + lanes - 1) / lanes * lanes) {}
   std::size_t size() const { return static_cast<std::size_t>(stride * (rows + 2 * margin_rows)); }
   std::size_t index(int row, int column) const {
     return static_cast<std::size_t>(stride * (row + margin_rows) + column);

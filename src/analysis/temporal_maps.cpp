@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "analysis/family.hpp"
 #include "analysis/lanes.hpp"
@@ -66,16 +65,16 @@ class TemporalMaps : public Family {
         if (layout.quiet.at(r, c) > 0.5f) quiet_.push_back(i);
     peer_.assign(layout.shape.pixels(), 0);
     if (!layout.packed.empty()) {
-      std::vector<std::uint32_t> order(layout.shape.pixels());
-      std::iota(order.begin(), order.end(), 0u);
-      const auto light = [&](std::uint32_t p) {
-        return layout.site_light.at(static_cast<int>(p) / layout.shape.columns,
-                                    static_cast<int>(p) % layout.shape.columns);
-      };
-      std::stable_sort(order.begin(), order.end(),
-                       [&](std::uint32_t a, std::uint32_t b) { return light(a) < light(b); });
-      for (std::size_t k = 0; k < order.size(); ++k)
-        peer_[order[k]] = static_cast<std::uint8_t>(k * peers / order.size());
+      float peak = 1e-20f;
+      for (std::size_t k = 0; k < layout.site_light.size(); ++k)
+        peak = std::max(peak, layout.site_light.inner()[k]);
+      std::size_t k = 0;
+      for (int r = 0; r < layout.shape.rows; ++r)
+        for (int c = 0; c < layout.shape.columns; ++c, ++k) {
+          // Octaves below the brightest pixel; the last holds all that is darker.
+          const float octaves = -std::log2(std::max(layout.site_light.at(r, c) / peak, 1e-6f));
+          peer_[k] = static_cast<std::uint8_t>(std::min<float>(octaves, peers - 1));
+        }
     }
     for (const std::uint8_t peer : peer_) ++peer_count_[peer];
     // Sites so close that no pixel is quiet: the least lit ones.
@@ -266,7 +265,7 @@ class TemporalMaps : public Family {
   }
 
   static constexpr std::size_t peers = 16;
-  std::vector<std::uint8_t> peer_;  // of each pixel: its rank by light
+  std::vector<std::uint8_t> peer_;  // of each pixel: octaves of light below the brightest
   std::array<double, peers> peer_count_{};
   std::vector<std::uint32_t> quiet_;  // indices into a frame
   Halves<Sums> sums_;

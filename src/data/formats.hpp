@@ -18,9 +18,12 @@ std::unique_ptr<StackWriter> write_npy(const Path& file, Shape shape, const Stac
 
 /// What is read is told by its content; open_stack.cpp chooses.
 std::unique_ptr<StackReader> read_tiff(const Path& file);
-std::unique_ptr<StackReader> read_hdf5(const Path& file);
+std::unique_ptr<StackReader> read_hdf5(const Path& file, const std::string& path);
 std::unique_ptr<StackReader> read_fits(const Path& file);
 std::unique_ptr<StackReader> read_npy(const Path& file);
+std::unique_ptr<StackReader> read_npz(const Path& file, const std::string& name);
+std::unique_ptr<StackReader> read_sif(const Path& file);
+std::unique_ptr<StackReader> read_dcimg(const Path& file);
 
 /// "cannot be written (No space left on device)"; `what` happened if the system has no word for it.
 std::string cannot(const std::string& verb, int error_number, const std::string& what = {});

@@ -1,10 +1,10 @@
 #include <array>
 #include <bit>
-#include <charconv>
 
 #include "base/error.hpp"
 #include "data/formats.hpp"
 #include "data/npy.hpp"
+#include "data/npy_header.hpp"
 
 namespace atomcam {
 namespace {
@@ -42,32 +42,15 @@ class NpyStackWriter : public StackWriter {
   File truth_;
 };
 
-/// The value behind 'key': in a header, up to `end`.
-std::string_view header_value(const Path& file, std::string_view header, std::string_view key, char end) {
-  const auto start = header.find(key);
-  if (start == header.npos) throw Error(file.string(), "its header lacks " + std::string(key));
-  const auto from = header.find_first_not_of(" :(", start + key.size());
-  const auto to = header.find(end, from);
-  if (from == header.npos || to == header.npos) throw Error(file.string(), "its header is not NumPy's");
-  return header.substr(from, to - from);
-}
-
 class NpyStackReader : public StackReader {
  public:
-  explicit NpyStackReader(const Path& file) : StackReader(file), array_(file, "rb") {
-    std::array<std::byte, 10> start;
-    const std::string_view magic("\x93NUMPY\x01", 7);
-    if (!array_.read(start) || std::string_view(reinterpret_cast<const char*>(start.data()), 7) != magic)
-      throw Error(file.string(), "not an array of NumPy's format 1.0");
-    const auto length = std::to_integer<std::size_t>(start[8]) + 256 * std::to_integer<std::size_t>(start[9]);
-    std::string header(length, ' ');
-    if (!array_.read(std::as_writable_bytes(std::span(header))))
-      throw Error(file.string(), "its header is cut off");
-    data_ = static_cast<std::int64_t>(start.size() + length);
-    if (header_value(file, header, "'descr'", ',') != "'<u2'" ||
-        header_value(file, header, "'fortran_order'", ',') != "False")
-      throw Error(file.string(), "not a C-ordered array of 16-bit counts");
-    read_shape(header_value(file, header, "'shape'", ')'));
+  explicit NpyStackReader(const Path& file) : StackReader(file), bytes_(file, "rb") {
+    bytes_.seek(0, SEEK_END);
+    const auto size = static_cast<std::uint64_t>(bytes_.position());
+    bytes_.seek(0);
+    array_ = parse_npy(file, [&](std::span<std::byte> bytes) { return bytes_.read(bytes); });
+    set_shape(array_.frames, array_.rows, array_.columns, array_.type);
+    array_.check_size(file, size);
     if (const Path settings = beside(file, ".settings.json"); std::filesystem::exists(settings))
       set_notes(parse_notes(settings, File(settings, "rb").read_all()));
     if (const Path truth = beside(file, ".truth.jsonl"); std::filesystem::exists(truth))
@@ -76,18 +59,6 @@ class NpyStackReader : public StackReader {
   std::string truth(std::uint64_t frame) override { return frame < truth_.size() ? truth_[frame] : "null"; }
 
  private:
-  void read_shape(std::string_view text) {
-    std::array<std::uint64_t, 3> sizes{};
-    const char* at = text.data();
-    for (std::uint64_t& size : sizes) {
-      while (at < text.end() && (*at == ' ' || *at == ',')) ++at;
-      const auto [end, problem] = std::from_chars(at, text.end(), size);
-      if (problem != std::errc{})
-        throw Error(file_.string(), "its shape (" + std::string(text) + ") is not frames, rows, columns");
-      at = end;
-    }
-    set_shape(sizes[0], sizes[1], sizes[2], PixelType::uint16);
-  }
   void read_truth(const std::string& lines) {
     for (std::size_t at = 0; at < lines.size();) {
       const std::size_t end = std::min(lines.find('\n', at), lines.size());
@@ -95,14 +66,14 @@ class NpyStackReader : public StackReader {
       at = end + 1;
     }
   }
-
   void fetch(std::uint64_t frame, std::span<std::byte> pixels) override {
-    array_.seek(data_ + static_cast<std::int64_t>(frame * pixels.size()));
-    if (!array_.read(pixels)) fail(frame, "the file ends before it");
+    bytes_.seek(static_cast<std::int64_t>(array_.data + frame * pixels.size()));
+    if (!bytes_.read(pixels)) fail(frame, "the file ends in it; cut off?");
+    if (array_.swapped) swap_bytes(pixels, bytes_of(type_));
   }
 
-  File array_;
-  std::int64_t data_ = 0;
+  File bytes_;
+  NpyArray array_;
   std::vector<std::string> truth_;
 };
 

@@ -27,10 +27,16 @@ std::unique_ptr<StackReader> whole(const Path& file, const std::string& part) {
 }
 
 constexpr std::array formats = {
-    Format{{"II*\0", 4}, whole<read_tiff>},        Format{{"MM\0*", 4}, whole<read_tiff>},
-    Format{{"II+\0", 4}, whole<read_tiff>},        Format{{"MM\0+", 4}, whole<read_tiff>},
-    Format{"\x89HDF\r\n\x1a\n", whole<read_hdf5>}, Format{"SIMPLE  =", whole<read_fits>},
+    Format{{"II*\0", 4}, whole<read_tiff>},
+    Format{{"MM\0*", 4}, whole<read_tiff>},
+    Format{{"II+\0", 4}, whole<read_tiff>},
+    Format{{"MM\0+", 4}, whole<read_tiff>},
+    Format{"\x89HDF\r\n\x1a\n", read_hdf5},
+    Format{"SIMPLE  =", whole<read_fits>},
     Format{"\x93NUMPY", whole<read_npy>},
+    Format{"PK\x03\x04", read_npz},
+    Format{"Andor Technology Multi-Channel File", whole<read_sif>},
+    Format{{"DCIMG\0", 6}, whole<read_dcimg>},
 };
 
 /// Nothing where the content is of no format that is known.

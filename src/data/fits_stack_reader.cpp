@@ -114,7 +114,7 @@ class FitsStackReader : public StackReader {
     }
     if (units_.empty()) fail("it holds no image");
     if (end > file_size) fail(fmt::format("it should have {} bytes and has {}; cut off?", end, file_size));
-    if (file_size >= end + 2880)
+    if (file_size > end)
       fail(fmt::format("{} bytes follow what its headers announce", file_size - end));
     set_shape(frames, rows, columns, type);
     truth_ = read_texts(fits_, "TRUTH");

@@ -3,33 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
+
+#include "calibration/pearson.hpp"
 
 namespace atomcam {
 namespace {
-
-/// Density with given mean, variance and skewness >= 0: Pearson III, or normal.
-class Pearson {
- public:
-  Pearson(double mean, double variance, double skewness)
-      : mean_(mean), deviation_(std::sqrt(variance)), skewness_(skewness) {
-    if (skewness_ > 0.02) {
-      shape_ = 4 / (skewness_ * skewness_);
-      constant_ = 0.5 * std::log(shape_) + (shape_ - 1) * std::log(shape_) - shape_ - std::lgamma(shape_);
-    }
-  }
-  double operator()(double x) const {
-    const double z = (x - mean_) / deviation_;
-    if (shape_ == 0) return std::exp(-0.5 * z * z) / (deviation_ * std::sqrt(2 * std::numbers::pi));
-    // y = 1 + z / sqrt(shape) is gamma distributed with mean 1.
-    const double excess = z / std::sqrt(shape_);
-    if (excess <= -1) return 0;
-    return std::exp(constant_ + (shape_ - 1) * std::log1p(excess) - shape_ * excess) / deviation_;
-  }
-
- private:
-  double mean_, deviation_, skewness_, shape_ = 0, constant_ = 0;
-};
 
 double logit(double p) {
   p = std::clamp(p, 1e-4, 1 - 1e-4);
@@ -136,6 +114,7 @@ AtomFit fit_atoms(const std::vector<float>& brightness, const BrightnessNoise& n
   const MaximumLikelihood found = maximise(from, evaluate, 1e-3, 80);
   AtomFit fit;
   fit.converged = found.converged;
+  fit.noise = noise;
   const auto error = [&](int k) { return std::sqrt(std::max(0.0, found.covariance(k, k))); };
   fit.filling = logistic(found.values(fill));
   fit.filling_error = fit.filling * (1 - fit.filling) * error(fill);

@@ -26,6 +26,7 @@ struct AtomFit {
   double chi_square = 0;
   int bins = 0;
   bool converged = false;
+  BrightnessNoise noise;  // as it was given
 };
 
 /// Brightness values of all sites and frames, e. A lost atom's light is a part u of the whole, with the

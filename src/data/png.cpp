@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <string_view>
 #include <vector>
 
 #include "base/error.hpp"
@@ -13,8 +14,8 @@
 namespace atomcam {
 namespace {
 
-/// libpng through its simplified interface into memory, then to the file, so that errors have one place.
-void write(const std::filesystem::path& file, Shape shape, png_uint_32 format, const void* pixels) {
+/// libpng through its simplified interface into memory. `place`: for errors.
+std::vector<std::byte> encode(std::string_view place, Shape shape, png_uint_32 format, const void* pixels) {
   png_image image{};
   image.version = PNG_IMAGE_VERSION;
   image.width = static_cast<png_uint_32>(shape.columns);
@@ -25,9 +26,15 @@ void write(const std::filesystem::path& file, Shape shape, png_uint_32 format, c
   bool good = png_image_write_get_memory_size(image, size, 0, pixels, 0, nullptr) != 0;
   bytes.resize(size);
   good = good && png_image_write_to_memory(&image, bytes.data(), &size, 0, pixels, 0, nullptr) != 0;
-  if (!good) throw Error(file.string(), cannot("written", 0, image.message));
+  if (!good) throw Error(place, cannot("written", 0, image.message));
+  bytes.resize(size);
+  return bytes;
+}
+
+void write(const std::filesystem::path& file, Shape shape, png_uint_32 format, const void* pixels) {
+  const std::vector<std::byte> bytes = encode(file.string(), shape, format, pixels);
   File out(file, "wb");
-  out.write(std::span(bytes).first(size));
+  out.write(bytes);
   out.close();
 }
 
@@ -45,6 +52,10 @@ void write_png(const std::filesystem::path& file, const CountImage& image, doubl
 
 void write_png(const std::filesystem::path& file, const Canvas& canvas) {
   write(file, canvas.shape(), PNG_FORMAT_RGB, canvas.bytes().data());
+}
+
+std::vector<std::byte> png_bytes(const Canvas& canvas) {
+  return encode("PNG", canvas.shape(), PNG_FORMAT_RGB, canvas.bytes().data());
 }
 
 }  // namespace atomcam

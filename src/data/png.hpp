@@ -1,7 +1,9 @@
 #pragma once
 // PNG files: 16-bit grey images with linear contrast, and drawings.
 
+#include <cstddef>
 #include <filesystem>
+#include <vector>
 
 #include "base/image.hpp"
 #include "data/canvas.hpp"
@@ -12,5 +14,7 @@ namespace atomcam {
 void write_png(const std::filesystem::path& file, const CountImage& image, double black, double white);
 /// 8-bit colour.
 void write_png(const std::filesystem::path& file, const Canvas& canvas);
+/// The same as the bytes of a file.
+std::vector<std::byte> png_bytes(const Canvas& canvas);
 
 }  // namespace atomcam

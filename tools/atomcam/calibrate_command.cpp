@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "atomcam/command_text.hpp"
 #include "atomcam/commands.hpp"
 #include "atomcam/output_files.hpp"
 #include "atomcam/run_command.hpp"
@@ -14,6 +16,7 @@
 #include "base/error.hpp"
 #include "calibration/calibrate.hpp"
 #include "calibration/calibration_json.hpp"
+#include "calibration/report.hpp"
 #include "calibration/stack_frames.hpp"
 
 namespace atomcam {
@@ -77,9 +80,15 @@ void run(const CalibrateOptions& options) {
     calibration = calibrate(input);
   }
   write_text(options.output, write_lab(calibration.lab));
-  if (!options.report.empty())
-    write_text(std::filesystem::path(options.report) / "calibration.json",
-               calibration_json(calibration).dump(2) + "\n");
+  if (!options.report.empty()) {
+    const std::filesystem::path folder = options.report;
+    write_text(folder / "calibration.json", calibration_json(calibration).dump(2) + "\n");
+    CommandText command("atomcam calibrate");
+    command.add("--frames", options.frames);
+    if (!options.darks.empty()) command.add("--darks", options.darks);
+    command.add("--lab", options.notes).add("-o", options.output).add("--report", options.report);
+    write_text(folder / "report.html", calibration_report(calibration, input, command.text()));
+  }
   for (const std::string& key : notes.not_understood)
     fmt::print(stderr, "{}: {}: not understood, left alone\n", options.notes, key);
   print_table(calibration);

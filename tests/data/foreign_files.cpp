@@ -99,6 +99,7 @@ hid_t stored(PixelType type) {
 /// As labscript does: groups on the way, one dataset; the library's oldest format or the one with checksums.
 template <bool checksums, bool chunks>
 void write_hdf5(const Path& file, PixelType type, StackShape shape) {
+  H5dont_atexit();  // damaged files can leave identifiers that its cleaning up at exit trips over
   const hid_t access = H5Pcreate(H5P_FILE_ACCESS);
   if (checksums) H5Pset_libver_bounds(access, H5F_LIBVER_V18, H5F_LIBVER_LATEST);
   const hid_t hdf5 = H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access);

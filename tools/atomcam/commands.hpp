@@ -10,6 +10,7 @@ void add_serve_command(CLI::App& app);
 void add_render_command(CLI::App& app);
 void add_grab_command(CLI::App& app);
 void add_check_truth_command(CLI::App& app);
+void add_score_command(CLI::App& app);
 void add_lab_command(CLI::App& app);
 void add_effects_command(CLI::App& app);
 void add_calibrate_command(CLI::App& app);

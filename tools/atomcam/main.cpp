@@ -19,6 +19,7 @@ int main(int argc, char** argv) {
   atomcam::add_render_command(app);
   atomcam::add_grab_command(app);
   atomcam::add_check_truth_command(app);
+  atomcam::add_score_command(app);
   atomcam::add_lab_command(app);
   atomcam::add_effects_command(app);
   atomcam::add_calibrate_command(app);

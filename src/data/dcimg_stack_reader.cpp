@@ -64,6 +64,10 @@ class DcimgStackReader : public StackReader {
     const std::uint64_t frames = word(s + 60), image_bytes = word(s + 84), footer = word(s + 124);
     if (word(36) != frames) fail(fmt::format("{} frames in one header, {} in the other", word(36), frames));
     layout(frames, word(s + 64), word(s + 72), word(s + 76), word(s + 80), image_bytes, wide(s + 96), footer);
+    // Columns of the sensor that were read; binning divides them.
+    if (const std::uint64_t across = number<std::uint16_t>(s + 714);
+        across % static_cast<std::uint64_t>(shape_.columns) != 0)
+      fail(fmt::format("{} columns, of {} of the sensor", shape_.columns, across));
     if (footer >= 12) {
       for (std::uint64_t n = 0; n < frames; ++n) {
         const std::uint64_t at = data_ + n * stride_ + image_bytes;

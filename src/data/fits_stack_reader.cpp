@@ -114,8 +114,7 @@ class FitsStackReader : public StackReader {
     }
     if (units_.empty()) fail("it holds no image");
     if (end > file_size) fail(fmt::format("it should have {} bytes and has {}; cut off?", end, file_size));
-    if (file_size > end)
-      fail(fmt::format("{} bytes follow what its headers announce", file_size - end));
+    if (file_size > end) fail(fmt::format("{} bytes follow what its headers announce", file_size - end));
     set_shape(frames, rows, columns, type);
     truth_ = read_texts(fits_, "TRUTH");
     if (const auto notes = read_texts(fits_, "NOTES"); !notes.empty()) set_notes(parse_notes(file, notes[0]));

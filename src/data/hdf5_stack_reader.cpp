@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "data/hdf5_handle.hpp"
+#include "data/hdf5_texts.hpp"
 
 namespace atomcam {
 namespace {
@@ -58,28 +58,21 @@ class Hdf5StackReader : public StackReader {
     keep_hdf5_quiet();
     errno = 0;
     hdf5_ = made(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
-    text_ = hdf5_text_type(file);
     const std::string name = path.empty() ? only_dataset() : path;
     if (!path.empty()) check_path(path);
     pixels_ = made(H5Dopen2(hdf5_, name.c_str(), H5P_DEFAULT), H5Dclose);
     read_shape(name);
     read_attributes();
-    const auto is_text = [&](const char* key) {
-      if (H5Lexists(hdf5_, key, H5P_DEFAULT) <= 0) return false;
-      const Hdf5Handle set(H5Dopen2(hdf5_, key, H5P_DEFAULT), H5Dclose);
-      if (set < 0) return false;
-      const Hdf5Handle type(H5Dget_type(set), H5Tclose);
-      return type >= 0 && H5Tis_variable_str(type) > 0;
-    };
-    has_truth_ = is_text("truth");
+    texts_.emplace(file, hdf5_);
+    has_truth_ = texts_->has("truth");
     StackNotes notes;
     for (const auto& [key, text] : {std::pair("lab", &notes.lab), std::pair("settings", &notes.settings)})
-      if (is_text(key)) *text = read_text(key, nullptr);
+      if (texts_->has(key)) *text = texts_->read(key, 0);
     set_notes(std::move(notes));
   }
   std::string truth(std::uint64_t frame) override {
-    const hsize_t start = frame;
-    return has_truth_ && frame < frames() ? read_text("truth", &start) : "null";
+    const std::string text = has_truth_ && frame < frames() ? texts_->read("truth", frame) : "";
+    return text.empty() ? "null" : text;
   }
 
  private:
@@ -250,27 +243,8 @@ class Hdf5StackReader : public StackReader {
       fail(frame, cannot("read", errno, hdf5_complaint()));
   }
 
-  /// A scalar text, or element `start` of a list of texts.
-  std::string read_text(const char* name, const hsize_t* start) const {
-    const Hdf5Handle set = made(H5Dopen2(hdf5_, name, H5P_DEFAULT), H5Dclose);
-    const Hdf5Handle space = made(H5Dget_space(set), H5Sclose);
-    const hsize_t one = 1;
-    hsize_t size = 1;
-    const int axes = H5Sget_simple_extent_ndims(space);
-    if (axes != (start ? 1 : 0) || (start && H5Sget_simple_extent_dims(space, &size, nullptr) < 0))
-      fail(fmt::format("'{}' has {} axes", name, axes));
-    if (start && *start >= size) return "null";
-    if (start) check(H5Sselect_hyperslab(space, H5S_SELECT_SET, start, nullptr, &one, nullptr));
-    const Hdf5Handle memory =
-        made(start ? H5Screate_simple(1, &one, nullptr) : H5Screate(H5S_SCALAR), H5Sclose);
-    char* value = nullptr;
-    check(H5Dread(set, text_, memory, space, H5P_DEFAULT, &value));
-    const std::string text = value ? value : "";
-    H5Dvlen_reclaim(text_, memory, H5P_DEFAULT, &value);
-    return text;
-  }
-
-  Hdf5Handle hdf5_, text_, pixels_;
+  Hdf5Handle hdf5_, pixels_;
+  std::optional<Hdf5Texts> texts_;
   std::vector<hsize_t> sizes_;
   bool has_truth_ = false;
 };

@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <cstdlib>
 
@@ -51,7 +52,8 @@ void expect_error_or_same_shape(const std::filesystem::path& file, PixelType typ
 }
 
 void damage_and_open(const std::string& bytes, const std::filesystem::path& file, PixelType type) {
-  RandomStream random(3, stream_id("tests/data/damage"), 0, 0);
+  static std::uint64_t times = 0;  // --gtest_repeat draws other damage
+  RandomStream random(3, stream_id("tests/data/damage"), times++, 0);
   int errors = 0;
   for (int i = 0; i < 25; ++i) {
     const std::size_t length = random() % (bytes.size() - 8);
@@ -146,7 +148,15 @@ TEST(Formats, StacksLargerThanMemoryAreReadFrameByFrame) {
   std::filesystem::resize_file(file, 128 + 4096ull * 1024 * 512 * 2);
   const auto reader = open_stack(file);
   EXPECT_EQ(reader->shape(), (StackShape{4096, 1024, 512}));
-  EXPECT_EQ(reader->counts(4095)(1023, 511), 0);
+  const auto most_memory = [] {  // KiB
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return usage.ru_maxrss;
+  };
+  const auto before = most_memory();
+  std::vector<double> frame(reader->shape().pixels());
+  for (std::uint64_t n = 0; n < reader->frames(); n += 16) reader->read(n, std::span(frame));
+  EXPECT_LT(most_memory() - before, 64 * 1024);  // of 256 frames of 1 MiB
 }
 
 }  // namespace

@@ -209,7 +209,7 @@ std::string bars_svg(const std::string& title, const std::string& y_label, const
   Range y;
   for (const Bar& bar : bars) y.take(bar.value - bar.error), y.take(bar.value + bar.error);
   y.take(0);
-  constexpr double label_room = 96;
+  constexpr double label_room = 150;
   Chart inner = chart;
   inner.height = height;
   const Frame frame(inner, {-0.6, static_cast<double>(bars.size()) - 0.4}, y);

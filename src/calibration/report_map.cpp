@@ -24,9 +24,11 @@ std::string data_uri(const Canvas& canvas) {
   return "data:image/png;base64," + text;
 }
 
-std::string image(const Canvas& canvas, int width, int height, const std::string& what) {
-  return fmt::format("<img class=\"map\" alt=\"{}\" width=\"{}\" height=\"{}\" src=\"{}\"/>", escaped(what),
-                     width, height, data_uri(canvas));
+std::string image(const Canvas& canvas, int x, int y, int width, int height) {
+  return fmt::format(
+      "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" "
+      "style=\"image-rendering: pixelated\" href=\"{}\"/>\n",
+      x, y, width, height, data_uri(canvas));
 }
 
 }  // namespace
@@ -90,14 +92,22 @@ std::string map_figure(const std::string& title, const std::string& caption, std
   const int longer = std::max(small.rows, small.columns);
   const int width = std::max(24, side_px * small.columns / longer),
             height = std::max(24, side_px * small.rows / longer);
-  return fmt::format(
-      "<figure><div style=\"font: 13px Helvetica, Arial, sans-serif; color: #333\">{}</div>\n"
-      "<div style=\"display: flex; gap: 5px\">{}{}"
-      "<div style=\"font: 11px Helvetica, Arial, sans-serif; color: #333; display: flex; flex-direction: "
-      "column; justify-content: space-between; height: {}px\"><span>{} {}</span><span>{}</span></div></div>\n"
-      "<figcaption>{}</figcaption></figure>\n",
-      escaped(title), image(canvas, width, height, title), image(bar, 9, height, "scale"), height,
-      short_number(scale.high, 3), escaped(unit), short_number(scale.low, 3), escaped(caption));
+  constexpr int heading = 20, bar_width = 9, numbers = 78;
+  const int longest_title = 7 * static_cast<int>(title.size());
+  std::string out =
+      fmt::format("<figure><svg width=\"{}\" height=\"{}\" role=\"img\">\n",
+                  std::max(width + 6 + bar_width + numbers, longest_title), heading + height + 2);
+  const auto text = [&](int x, int y, int size, const std::string& words) {
+    out += fmt::format("<text x=\"{}\" y=\"{}\" font-size=\"{}\" fill=\"#333\">{}</text>\n", x, y, size,
+                       escaped(words));
+  };
+  text(0, 13, 13, title);
+  out += image(canvas, 0, heading, width, height);
+  out += image(bar, width + 6, heading, bar_width, height);
+  text(width + 10 + bar_width, heading + 10, 11,
+       short_number(scale.high, 3) + (unit.empty() ? "" : " " + unit));
+  text(width + 10 + bar_width, heading + height - 1, 11, short_number(scale.low, 3));
+  return out + "</svg>\n<figcaption>" + escaped(caption) + "</figcaption></figure>\n";
 }
 
 }  // namespace atomcam::report

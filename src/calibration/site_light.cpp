@@ -62,10 +62,12 @@ void SiteLight::split(const CountImage& frame) {
   }
 }
 
-FoldedSite fold_sites(const StackModel& model, std::span<const double> image, int radius_px) {
+namespace {
+
+FoldedSite fold(const StackModel& model, std::span<const double> image, int radius_px, int over) {
   FoldedSite folded;
-  folded.oversampling = model.sites.size() >= 25 ? 3 : 1;
-  const int over = folded.oversampling, half = radius_px * over;
+  folded.oversampling = over;
+  const int half = radius_px * over;
   const int side = 2 * half + 1;
   folded.mean = Image<double, unit::counts>({side, side});
   Image<double, unit::counts> hits({side, side});
@@ -88,6 +90,19 @@ FoldedSite fold_sites(const StackModel& model, std::span<const double> image, in
     folded.mean.pixels()[i] = hits.pixels()[i] > 0 ? folded.mean.pixels()[i] / hits.pixels()[i]
                                                    : std::numeric_limits<double>::quiet_NaN();
   return folded;
+}
+
+}  // namespace
+
+FoldedSite fold_sites(const StackModel& model, std::span<const double> image, int radius_px) {
+  // As fine as the sites' places allow without holes.
+  for (const int over : {3, 2}) {
+    FoldedSite folded = fold(model, image, radius_px, over);
+    const auto cells = folded.mean.pixels();
+    const auto empty = std::count_if(cells.begin(), cells.end(), [](double v) { return std::isnan(v); });
+    if (static_cast<double>(empty) < 0.01 * static_cast<double>(cells.size())) return folded;
+  }
+  return fold(model, image, radius_px, 1);
 }
 
 }  // namespace atomcam

@@ -16,11 +16,14 @@
 #include "calibration/stack_frames.hpp"
 #include "diagnosis/diagnosis.hpp"
 #include "diagnosis/diagnosis_json.hpp"
+#include "diagnosis/profiles.hpp"
+#include "diagnosis/report.hpp"
 
 namespace atomcam {
 namespace {
 
 constexpr int bad_input = 3, failed = 4;
+constexpr double for_diagnosis = 0.96;  // of the time; the rest is for the report
 
 struct DiagnoseOptions {
   std::string frames, darks, notes, output;
@@ -85,12 +88,30 @@ int run(const DiagnoseOptions& options) {
   how.threads = options.threads > 0 ? options.threads
                                     : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   Diagnosis diagnosis;
+  ReportProfiles profiles;
   {
     StepProgress progress;
-    how.progress = [&](std::string_view step, double done) { progress.update(step, done); };
+    how.progress = [&](std::string_view step, double done) { progress.update(step, done * for_diagnosis); };
     diagnosis = diagnose(notes, *frames, darks.get(), how);
+    progress.update("report", for_diagnosis);
+    const StackModel& model = diagnosis.calibration.model;
+    const std::size_t dark_frames = darks ? darks->frames() : 0;
+    const int stacks = report_stacks(frames->frames(), frames->shape().pixels());
+    const bool fixed = !diagnosis.effects.empty();
+    const auto simulate = [&](const Lab& lab, int before) {
+      return simulate_profiles(model, lab, frames->frames(), dark_frames, stacks, options.seed * 1000,
+                               how.threads, [&, before](int done) {
+                                 const double part =
+                                     static_cast<double>(before + done) / (fixed ? 2 * stacks : stacks);
+                                 progress.update("report", for_diagnosis + (1 - for_diagnosis) * part);
+                               });
+    };
+    profiles.real = measure_profiles(model, *frames, darks.get());
+    profiles.plain = simulate(diagnosis.plain_lab, 0);
+    if (fixed) profiles.fixed = simulate(diagnosis.lab, stacks);
   }
   write_text(folder / "diagnosis.json", diagnosis_json(diagnosis, inputs));
+  write_text(folder / "report.html", diagnosis_report(diagnosis, inputs, profiles));
   write_text(folder / "lab.toml", write_lab(diagnosis.lab));
   for (const std::string& key : notes.not_understood)
     fmt::print(stderr, "{}: {}: not understood, left alone\n", options.notes, key);

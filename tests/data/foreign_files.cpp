@@ -257,6 +257,46 @@ void write_dcimg(const Path& file, PixelType type, StackShape shape) {
   write_bytes(file, bytes);
 }
 
+/// Format 7: the pixels set aside, here of the first row, and the times stand behind all frames.
+void write_old_dcimg(const Path& file, PixelType type, StackShape shape) {
+  constexpr std::uint32_t session = 232, data = 800, second = 1000;
+  const auto depth = static_cast<std::uint32_t>(bytes_of(type));
+  const auto columns = static_cast<std::uint32_t>(shape.columns),
+             rows = static_cast<std::uint32_t>(shape.rows);
+  const auto frames = static_cast<std::uint32_t>(shape.frames);
+  const std::uint32_t row_bytes = columns * depth, image = row_bytes * rows;
+  std::string bytes(session + data, '\0');
+  for (std::uint32_t n = 0; n < frames; ++n) {
+    std::string frame = text_of(some_pixels(type, shape.pixels(), n));
+    frame.replace(0, 8, 8, '\xee');
+    bytes += frame;
+  }
+  const auto footer = static_cast<std::uint32_t>(bytes.size());
+  constexpr std::uint32_t aside = second + 200;
+  bytes.resize(footer + aside + 8 * frames);
+  bytes.replace(0, 5, "DCIMG");
+  put(bytes, 8, std::uint32_t{7});
+  put(bytes, 36, frames);
+  put(bytes, 40, session);
+  put(bytes, 48, std::uint64_t{bytes.size()});
+  put(bytes, session + 32, frames);
+  put(bytes, session + 36, depth);
+  put(bytes, session + 44, columns);
+  put(bytes, session + 48, row_bytes);
+  put(bytes, session + 52, rows);
+  put(bytes, session + 56, image);
+  put(bytes, session + 68, data);
+  put(bytes, session + 72, std::uint64_t{footer - session});
+  put(bytes, footer + 8, std::uint64_t{second});
+  put(bytes, footer + 40, aside + 8 * frames);
+  put(bytes, footer + second + 88, std::uint64_t{aside});
+  for (std::uint32_t n = 0; n < frames; ++n) {
+    put(bytes, footer + 272 + 4 * frames + 8 * n, std::uint32_t{100 + n});
+    bytes.replace(footer + aside + 8 * n, 8, text_of(some_pixels(type, shape.pixels(), n)).substr(0, 8));
+  }
+  write_bytes(file, bytes);
+}
+
 }  // namespace
 
 const std::vector<ForeignFormat>& foreign_formats() {
@@ -277,6 +317,7 @@ const std::vector<ForeignFormat>& foreign_formats() {
       {"sif", {float32}, write_sif<65559>},
       {"sif_with_flag", {float32}, write_sif<65567>},
       {"dcimg", {uint8, uint16}, write_dcimg<true>},
+      {"dcimg_old", {uint8, uint16}, write_old_dcimg},
       {"dcimg_usb", {uint8, uint16}, write_dcimg<false>},
   };
   return formats;

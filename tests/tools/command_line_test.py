@@ -146,6 +146,28 @@ class Commands(unittest.TestCase):
 
     # Bad input
 
+    def test_score_holds_a_result_against_the_truth(self):
+        frames = self.file("frames.npy")
+        self.good("render", "ixon-ultra-897", "-n", "6", "-o", frames)
+        with open(self.file("frames.truth.jsonl")) as stream:
+            truth = [json.loads(line)["initial"] for line in stream]
+        result = self.file("perfect.json", json.dumps(truth))
+        judged = json.loads(self.good("score", frames, "--result", result, "--json").stdout)
+        self.assertEqual(judged["fidelity"]["part"], sum(map(len, truth)))
+        self.assertEqual(judged["auc"]["value"], 1)
+        wrong = [truth[0][::-1].translate({48: 49, 49: 48})[::-1]] + truth[1:]  # one frame turned about
+        result = self.file("wrong.csv", "".join(",".join(frame) + "\n" for frame in wrong))
+        curve = self.file("roc.csv")
+        judged = json.loads(self.good("score", frames, "--result", result, "--json", "--roc", curve).stdout)
+        self.assertEqual(judged["fidelity"]["part"], sum(map(len, truth[1:])))
+        with open(curve) as stream:
+            self.assertEqual(stream.readline().strip(), "threshold,false_alarms,found")
+        text = self.good("score", frames, "--detector", "threshold").stdout
+        self.assertIn("ROC area", text)
+        self.refused(["--result", "--detector"], "score", frames)
+        self.refused(["frame 5", "1 values"], "score", frames, "--result", self.file("short.csv", "".join(
+            ",".join(frame) + "\n" for frame in truth[:5]) + "1\n"))
+
     def test_help_and_version(self):
         self.assertRegex(self.good("--version").stdout, r"^atomcam \d+\.\d+\.\d+\n$")
         for command in ("serve", "render", "grab", "check-truth"):

@@ -333,8 +333,8 @@ std::string parameter_table_markup(const Calibration& calibration) {
         "<tr{}><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td>{}</td>"
         "<td class=\"number\">{}</td></tr>\n",
         one.from_notes ? " class=\"split\"" : "", escaped(one.key), report::short_number(one.noted, 6),
-        with_error(one.fitted, one.error), one.unit == "1" ? "" : escaped(one.unit),
-        pulls ? fmt::format("{:+.1f}", one.pull()) : "");
+        one.error > 0 ? with_error(one.fitted, one.error) : report::short_number(one.fitted, 6),
+        one.unit == "1" ? "" : escaped(one.unit), pulls ? fmt::format("{:+.1f}", one.pull()) : "");
   }
   return out + "</table>\n";
 }

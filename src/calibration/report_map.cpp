@@ -74,7 +74,9 @@ std::string map_figure(const std::string& title, const std::string& caption, std
                        Shape shape, Scale scale, Palette palette, const std::string& unit, int side_px) {
   const int block = std::max(1, (std::max(shape.rows, shape.columns) + largest_side - 1) / largest_side);
   const Shape small{(shape.rows + block - 1) / block, (shape.columns + block - 1) / block};
-  Canvas canvas(small, nothing);
+  // Drawn in blocks, so that no viewer smooths it.
+  const int grow = std::max(1, 200 / std::max(small.rows, small.columns));
+  Canvas canvas({small.rows * grow, small.columns * grow}, nothing);
   for (int r = 0; r < small.rows; ++r)
     for (int c = 0; c < small.columns; ++c) {
       double sum = 0, count = 0;
@@ -84,15 +86,18 @@ std::string map_figure(const std::string& title, const std::string& caption, std
                                       static_cast<std::size_t>(u)];
           if (std::isfinite(value)) sum += value, count += 1;
         }
-      if (count > 0)
-        canvas.set(r, c, colour_of(palette, (sum / count - scale.low) / (scale.high - scale.low)));
+      if (count == 0) continue;
+      const Colour colour = colour_of(palette, (sum / count - scale.low) / (scale.high - scale.low));
+      for (int v = 0; v < grow; ++v)
+        for (int u = 0; u < grow; ++u) canvas.set(r * grow + v, c * grow + u, colour);
     }
   Canvas bar({64, 1});
   for (int r = 0; r < 64; ++r) bar.set(r, 0, colour_of(palette, 1 - r / 63.0));
   const int longer = std::max(small.rows, small.columns);
   const int width = std::max(24, side_px * small.columns / longer),
             height = std::max(24, side_px * small.rows / longer);
-  constexpr int heading = 20, bar_width = 9, numbers = 78;
+  constexpr int heading = 20, bar_width = 9;
+  const int numbers = 50 + 6 * static_cast<int>(unit.size());
   const int longest_title = 7 * static_cast<int>(title.size());
   std::string out =
       fmt::format("<figure><svg width=\"{}\" height=\"{}\" role=\"img\">\n",

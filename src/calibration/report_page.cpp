@@ -63,8 +63,16 @@ std::string escaped(std::string_view text) {
 std::string short_number(double value, int figures) {
   if (!std::isfinite(value)) return "–";
   std::string text = fmt::format("{:.{}g}", value, figures);
-  if (const auto e = text.find('e'); e != std::string::npos)
-    text = text.substr(0, e) + fmt::format(" × 10^{}", std::stoi(text.substr(e + 1)));
+  if (const auto e = text.find('e'); e != std::string::npos) {
+    if (std::fabs(value) < 1e6 && std::fabs(value) >= 1) {
+      text = fmt::format("{:.0f}", std::stod(text));
+    } else {
+      static constexpr const char* raised[] = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
+      std::string power = std::to_string(std::stoi(text.substr(e + 1)));
+      text = text.substr(0, e) + " × 10";
+      for (const char digit : power) text += digit == '-' ? "⁻" : raised[digit - '0'];
+    }
+  }
   if (text.starts_with('-')) text.replace(0, 1, "−");
   return text;
 }

@@ -55,7 +55,10 @@ std::string gap_budget(const Diagnosis& diagnosis) {
     level = below;
   }
   const double floor = std::min(gap.floor, gap.before);
-  parts.push_back({"left", std::max(0.0, level - floor), orange});
+  const bool chance = diagnosis.verdict == Verdict::no_gap;
+  parts.push_back(
+      {chance ? fmt::format("more than the floor, by chance (p = {:.2g})", diagnosis.p_gap) : "left",
+       std::max(0.0, level - floor), chance ? "#c9c9c4" : orange});
   parts.push_back({"floor: simulation against simulation", floor, grey});
   const double total = std::max(gap.before, 1e-9);
   constexpr double width = 720, height = 30;

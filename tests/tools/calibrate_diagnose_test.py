@@ -178,6 +178,15 @@ class Commands(unittest.TestCase):
         self.assertEqual(diagnosis["where"][0]["observable"], "row_means")
         self.page(os.path.join(out, "report.html"))
 
+    def test_threads_do_not_change_a_diagnosis_but_the_seed_does(self):
+        def numbers(*more):
+            diagnosis = self.diagnose(self.noisy, "--where-only", *more)[1]
+            return [diagnosis[key] for key in ("where", "gap", "calibration")]
+
+        one = numbers("--threads", "1")
+        self.assertEqual(one, numbers("--threads", "3"))
+        self.assertNotEqual(one, numbers("--threads", "3", "--seed", "2"))
+
     def test_diagnose_refuses_with_exit_code_3(self):
         frames, notes, out = ["--frames", self.plain], ["--lab", self.no_sites], ["--out", self.path("refused")]
         self.refused(["none.tif"], 3, "diagnose", "--frames", self.path("none.tif"), *notes, *out)

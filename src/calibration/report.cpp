@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "calibration/pearson.hpp"
 #include "calibration/report_chart.hpp"
@@ -154,7 +155,9 @@ class Report {
       seen.x.push_back(x), seen.y.push_back(n / width), seen.error.push_back(std::sqrt(n) / width);
       fitted.x.push_back(x), fitted.y.push_back(due / width > 1e-2 ? due / width : nan);
     }
-    Chart chart{.title = input_.darks ? "Counts of the dark frames" : "Counts of the darkest pixels",
+    Chart chart{.title = input_.darks             ? "Counts of the dark frames"
+                         : calibration_.has_sites ? "Counts of the darkest pixels"
+                                                  : "Counts of all pixels",
                 .x_label = "counts",
                 .y_label = "pixels per count",
                 .log_y = true,
@@ -171,7 +174,7 @@ class Report {
                                  with_error(k, fit.em_gain_error / law.electrons_per_count))
                    : "",
         fit.chi_square, fit.bins,
-        multiplied
+        multiplied && calibration_.has_sites
             ? fmt::format(" Together with the photon transfer of the sites' light: {} counts per electron.",
                           with_error(model_.counts_per_electron, calibration_.counts_per_electron_error))
             : "",
@@ -188,17 +191,27 @@ class Report {
     for (std::size_t i = 0; i < sums.sum.pixels().size(); ++i)
       if (const double k = std::sqrt(sums.variance(i)) / sigma * bins / 3; k < bins)
         count[static_cast<std::size_t>(k)] += 1;
+    // Normal in the logarithm, wider by what a variance of so many frames scatters.
+    const double spread =
+        std::hypot(fit.read_noise_log_sigma, 1 / std::sqrt(2.0 * static_cast<double>(sums.frames - 1)));
+    const double middle = std::log(sigma) - fit.read_noise_log_sigma * fit.read_noise_log_sigma;
+    const double pixels = static_cast<double>(sums.sum.pixels().size());
+    Line law{.label = "fit", .colour = orange, .x = {}, .y = {}, .width = 2, .error = {}};
     for (int k = 0; k < bins; ++k) {
-      const double n = count[static_cast<std::size_t>(k)];
-      noise.x.push_back((k + 0.5) * 3 / bins * sigma), noise.y.push_back(n > 0 ? n : nan);
+      const double n = count[static_cast<std::size_t>(k)], width = 3 * sigma / bins, x = (k + 0.5) * width;
+      noise.x.push_back(x), noise.y.push_back(n > 0 ? n : nan);
       noise.error.push_back(std::sqrt(n));
+      const double z = (std::log(x) - middle) / spread;
+      const double due =
+          pixels * width / (x * spread) * std::exp(-0.5 * z * z) / std::sqrt(2 * std::numbers::pi);
+      law.x.push_back(x), law.y.push_back(due > 0.1 ? due : nan);
     }
     Chart chart{.title = "Noise of the pixels over time",
                 .x_label = "counts rms",
                 .y_label = "pixels",
                 .log_y = true,
                 .bands = {},
-                .lines = {noise},
+                .lines = {law, noise},
                 .width = 500,
                 .height = 260};
     return fmt::format(

@@ -297,8 +297,11 @@ class Calibrator {
     const double pixel_um = notes_.pixel_um / notes_.magnification;
     const double spot =
         std::clamp(0.25 * notes_.wavelength_um / notes_.numerical_aperture / pixel_um, 0.7, 4.0);
-    const Lattice found = find_lattice(mean, noted_lattice(), spot);
-    result_.optics = fit_optics(mean, result_.lab.optics, found);
+    if (input_.like)
+      result_.optics =
+          fit_optics(mean, result_.lab.optics, input_.like->optics.lattice, &input_.like->optics.zernike_um);
+    else
+      result_.optics = fit_optics(mean, result_.lab.optics, find_lattice(mean, noted_lattice(), spot));
     const double total =
         std::max(0.0, std::accumulate(result_.optics.site_e.begin(), result_.optics.site_e.end(), 0.0));
     mean_site_e_ = total / std::max<std::size_t>(1, result_.optics.site_e.size());

@@ -34,6 +34,8 @@ struct CalibrationInput {
   /// The frames that are used: n such that use(n); empty: all.
   std::function<bool(std::size_t)> use;
   std::function<void(std::string_view step, double done)> progress;
+  /// A calibration of a stack much like this one, to start from.
+  const struct Calibration* like = nullptr;
 };
 
 struct Calibration {

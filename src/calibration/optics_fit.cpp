@@ -321,7 +321,8 @@ int stamp_radius_px(const Lattice& lattice) {
   return std::clamp(static_cast<int>(std::lround(1.5 * spacing)), 8, 16);
 }
 
-OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start) {
+OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start,
+                     const std::array<double, zernike_terms>* known) {
   const int radius = stamp_radius_px(start);
   // The image does not tell the common sign of the even terms, and about zero it does not change with them:
   // several starts.
@@ -333,14 +334,21 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   const auto evaluate = [&](const Eigen::VectorXd& p, bool derivatives) {
     return model.evaluate(p, derivatives);
   };
-  for (const auto& [defocus, spherical] :
-       {std::pair{0.07, 0.02}, std::pair{0.07, -0.06}, std::pair{0.15, 0.04}, std::pair{0.02, 0.07}}) {
-    Eigen::VectorXd from = model.start(defocus * wave, spherical * wave);
+  if (known) {
+    Eigen::VectorXd from = model.start(0, 0);
+    for (int k = 0; k < fitted_zernikes; ++k)
+      from(lattice_parameters + k) = (*known)[k + first_fitted_zernike];
     model.solve_linear(from);
-    MaximumLikelihood found = maximise(from, evaluate, 0.05, 12);
-    if (first || found.minus_log < best.minus_log) best = std::move(found);
-    first = false;
-  }
+    best = maximise(from, evaluate, 0.05, 12);
+  } else
+    for (const auto& [defocus, spherical] :
+         {std::pair{0.07, 0.02}, std::pair{0.07, -0.06}, std::pair{0.15, 0.04}, std::pair{0.02, 0.07}}) {
+      Eigen::VectorXd from = model.start(defocus * wave, spherical * wave);
+      model.solve_linear(from);
+      MaximumLikelihood found = maximise(from, evaluate, 0.05, 12);
+      if (first || found.minus_log < best.minus_log) best = std::move(found);
+      first = false;
+    }
   best = maximise(best.values, evaluate, 1e-2, 30);
   // Light beyond the stamps, by the whole table: taken off the image, then once more.
   OpticsDescription fitted = optics;

@@ -49,7 +49,9 @@ int stamp_radius_px(const Lattice& lattice);
 
 /// From a lattice known to a pixel or better. Zernike terms of degree 2 to 4 are free; the sign that the even
 /// terms share is chosen for defocus >= 0.
-OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start);
+/// `known`: terms to start from; without it several starts are tried.
+OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start,
+                     const std::array<double, zernike_terms>* known = nullptr);
 
 /// Noted positions moved to where the light is: displacement, spacing and angles, by the correlation of the
 /// mean image with a lattice of spots of `spot_px` rms.

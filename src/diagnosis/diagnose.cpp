@@ -82,9 +82,9 @@ class Diagnoser {
     plain_.open = calibration_uncertainty(result_.calibration);
     plain_.first_effect_parameter = static_cast<Eigen::Index>(plain_.open.size());
     const double cost = static_cast<double>(plan_.frames) * static_cast<double>(frames_.shape().pixels());
-    null_stacks_ = cost > 3e7 ? 160 : 400;
+    null_stacks_ = cost > 3e7 ? 160 : 240;
     // One small round first: the calibration's own bias against simulated stacks is taken out.
-    fit_centres(plain_, 80, "plain model", 0.04, 0.08);
+    fit_centres(plain_, 60, "plain model", 0.04, 0.08);
     atomcam::judge(plain_, real_, null_stacks_, plan_, numbers_.next(), {},
                    part("plain model", 0.08, 0.25, null_stacks_));
     result_.p_gap = plain_.p_value;
@@ -152,6 +152,8 @@ class Diagnoser {
     return model;
   }
 
+  RealStack real_stack() const { return {&real_, &result_.calibration, &notes_}; }
+
   static double log_odds(const Model& model) { return model.log_likelihood; }
 
   /// Closed fraction over all frames, in units of the plain model's deviations.
@@ -184,11 +186,11 @@ class Diagnoser {
   }
 
   void explain() {
-    std::vector<Scan> scans = scan(plain_, 26, 0.25, 0.5);
+    std::vector<Scan> scans = scan(plain_, 18, 0.25, 0.5);
     // A second look at the more promising ones.
-    const std::size_t second = std::min<std::size_t>(8, scans.size());
+    const std::size_t second = std::min<std::size_t>(6, scans.size());
     for (std::size_t k = 0; k < second; ++k) {
-      explore(scans[k], plain_, 16, plan_, numbers_.next(),
+      explore(scans[k], plain_, 12, plan_, numbers_.next(),
               part(scans[k].effect->name, 0.5 + 0.01 * static_cast<double>(k),
                    0.51 + 0.01 * static_cast<double>(k), 16));
       match(scans[k], plain_, plain_.z);
@@ -201,13 +203,13 @@ class Diagnoser {
       result_.hypotheses.push_back(std::move(seen));
     }
     std::vector<Model> singles;
-    for (std::size_t k = 0; k < std::min<std::size_t>(4, scans.size()); ++k) {
+    for (std::size_t k = 0; k < std::min<std::size_t>(3, scans.size()); ++k) {
       if (scans[k].log_likelihood < 3 && k > 0) break;
       if (k > 0 &&
           scans[k].log_likelihood < scans[0].log_likelihood - std::max(60.0, 0.3 * scans[0].log_likelihood))
         break;
       Model model = with(plain_, scans[k]);
-      fit_and_judge(model, real_, 3, 120, plan_, numbers_.next(),
+      fit_and_judge(model, real_stack(), 2, 90, plan_, numbers_.next(),
                     part(scans[k].effect->name, 0.58 + 0.05 * static_cast<double>(k),
                          0.63 + 0.05 * static_cast<double>(k), 120));
       note(model, scans[k].log_likelihood);
@@ -223,11 +225,11 @@ class Diagnoser {
     for (std::size_t k = 0; k < std::min<std::size_t>(2, order.size()); ++k) {
       const Model& base = singles[order[k]];
       std::vector<Scan> seconds =
-          scan(base, 16, 0.78 + 0.1 * static_cast<double>(k), 0.86 + 0.1 * static_cast<double>(k));
+          scan(base, 12, 0.78 + 0.1 * static_cast<double>(k), 0.86 + 0.1 * static_cast<double>(k));
       for (std::size_t j = 0; j < std::min<std::size_t>(2, seconds.size()); ++j) {
         if (seconds[j].log_likelihood < 3) break;
         Model model = with(base, seconds[j]);
-        fit_and_judge(model, real_, 2, 120, plan_, numbers_.next());
+        fit_and_judge(model, real_stack(), 2, 90, plan_, numbers_.next());
         note(model, seconds[j].log_likelihood);
         pairs.push_back(std::move(model));
       }

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/error.hpp"
+#include "simulation/parallel.hpp"
+
 namespace atomcam {
 namespace {
 
@@ -54,22 +57,61 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
                              .sum();
 }
 
-void fit_and_judge(Model& model, const BatteryValues& real, int rounds, int stacks, const StackPlan& plan,
+void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std::uint64_t first) {
+  constexpr int stacks = 2;
+  Lab lab = model.lab;
+  for (const Uncertain& one : model.open) one.apply(lab, one.centre);
+  lab.place_sites();
+  std::vector<std::unique_ptr<Calibration>> found(stacks);
+  parallel_for(stacks, plan.threads, 1, [&](int n) {
+    const auto light = simulate_stack(lab, plan, first + static_cast<std::uint64_t>(n), true);
+    const auto darks = simulate_stack(lab, plan, first + static_cast<std::uint64_t>(n), false);
+    CalibrationInput input;
+    input.notes = *real.notes;
+    input.frames = light.get();
+    if (plan.dark_frames > 0) input.darks = darks.get();
+    input.like = real.calibration;
+    try {
+      found[static_cast<std::size_t>(n)] = std::make_unique<Calibration>(calibrate(input));
+    } catch (const Error&) {
+      // A stack that cannot be calibrated says nothing.
+    }
+  });
+  for (auto k = Eigen::Index{0}; k < model.first_effect_parameter; ++k) {
+    Uncertain& one = model.open[static_cast<std::size_t>(k)];
+    double sum = 0, count = 0;
+    for (const auto& calibration : found)
+      if (calibration) sum += one.offset(*real.calibration, *calibration), count += 1;
+    if (count == 0) continue;
+    one.centre += sum / count;
+    one.lowest = one.centre - 5 * one.width;
+    one.highest = one.centre + 5 * one.width;
+  }
+}
+
+void fit_and_judge(Model& model, const RealStack& real, int rounds, int stacks, const StackPlan& plan,
                    std::uint64_t first, const std::function<void(int)>& progress) {
-  const Eigen::VectorXd statistics = row_of(real.whole);
-  const int each = std::max(40, static_cast<int>(model.open.size()) + 24);
+  const Eigen::VectorXd statistics = row_of(real.values->whole);
+  const int each = std::max(40, static_cast<int>(model.open.size()) + 20);
+  // An effect that makes a point-spread function per site leaves no time for many optical systems.
+  const bool one_system =
+      std::find(model.effects.begin(), model.effects.end(), "field_tilt_defocus") != model.effects.end();
+  if (one_system)
+    for (Uncertain& one : model.open)
+      if (one.shared) one.width = 0;
   for (int round = 0; round < rounds; ++round) {
-    model.population =
-        simulate_population(model.lab, model.open, each, plan,
-                            first + static_cast<std::uint64_t>(round) * 10000, nullptr, progress);
+    const std::uint64_t number = first + static_cast<std::uint64_t>(round) * 10000;
+    recalibrate(model, real, plan, number + 5000);
+    model.population = simulate_population(model.lab, model.open, each, plan, number, nullptr, progress);
     const Standard standard(model.population, Part::whole);
     const Eigen::VectorXd estimate = standard.estimate(statistics);
     for (std::size_t k = 0; k < model.open.size(); ++k) {
       Uncertain& one = model.open[k];
       const auto at = static_cast<Eigen::Index>(k);
       const bool of_effect = at >= model.first_effect_parameter;
+      if (one.width <= 0) continue;
       // Far steps are not linear: at most some widths at a time.
-      const double most = (of_effect ? 2.0 : 6.0) * one.width;
+      const double most = (of_effect ? 2.0 : 4.0) * one.width;
       double moved = one.centre + std::clamp(estimate(at) - one.centre, -most, most);
       if (one.cycle > 0)
         moved -= one.cycle * std::floor((moved - one.lowest) / one.cycle);
@@ -80,7 +122,8 @@ void fit_and_judge(Model& model, const BatteryValues& real, int rounds, int stac
       if (of_effect) one.width = std::clamp(1.5 * standard.estimate_error()(at), 0.25 * one.width, one.width);
     }
   }
-  judge(model, real, stacks, plan, first + 900000, {}, progress);
+  recalibrate(model, real, plan, first + 800000);
+  judge(model, *real.values, stacks, plan, first + 900000, {}, progress);
 }
 
 }  // namespace atomcam

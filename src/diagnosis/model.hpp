@@ -36,8 +36,19 @@ struct Model {
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,
            const Eigen::MatrixXd& directions = {}, const std::function<void(int)>& progress = {});
 
+/// What the real stack is, besides its battery: how it was calibrated, so that simulated ones can be alike.
+struct RealStack {
+  const BatteryValues* values = nullptr;
+  const Calibration* calibration = nullptr;
+  const Notes* notes = nullptr;
+};
+
+/// Moves the calibration's parameters so that simulated stacks of the model calibrate as the real one does:
+/// what calibration absorbed of an effect is given back.
+void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std::uint64_t first);
+
 /// Some rounds of small populations, each about the last one's estimate, then judge().
-void fit_and_judge(Model& model, const BatteryValues& real, int rounds, int stacks, const StackPlan& plan,
+void fit_and_judge(Model& model, const RealStack& real, int rounds, int stacks, const StackPlan& plan,
                    std::uint64_t first, const std::function<void(int)>& progress = {});
 
 }  // namespace atomcam

@@ -14,12 +14,13 @@ namespace {
 
 constexpr std::size_t kept_bytes = 64u << 20;
 constexpr std::uint64_t first_dark_frame = 1000000;
-constexpr std::uint64_t optical_systems = 24;  // different draws of shared parameters
+constexpr std::uint64_t optical_systems = 16;  // different draws of shared parameters
 
+/// Rendered when visited; kept in memory if they are few.
 class SimulatedFrames : public FrameSequence {
  public:
-  SimulatedFrames(const Simulation& simulation, std::size_t frames, bool shutter_open)
-      : simulation_(simulation), count_(frames), settings_(simulation.lab().settings) {
+  SimulatedFrames(const Lab& lab, std::size_t frames, bool shutter_open)
+      : simulation_(lab), count_(frames), settings_(simulation_.lab().settings) {
     settings_.shutter_open = shutter_open;
     first_ = shutter_open ? 0 : first_dark_frame;
     if (frames * shape().pixels() * 2 <= kept_bytes)
@@ -39,7 +40,7 @@ class SimulatedFrames : public FrameSequence {
  private:
   CountImage render(std::size_t n) const { return simulation_.render(first_ + n, settings_).counts; }
 
-  const Simulation& simulation_;
+  Simulation simulation_;
   std::size_t count_;
   CameraSettings settings_;
   std::uint64_t first_ = 0;
@@ -48,15 +49,19 @@ class SimulatedFrames : public FrameSequence {
 
 }  // namespace
 
-BatteryValues simulate_and_measure(const Lab& lab, const StackPlan& plan, std::uint64_t stack_number) {
+std::unique_ptr<FrameSequence> simulate_stack(const Lab& lab, const StackPlan& plan,
+                                              std::uint64_t stack_number, bool shutter_open) {
   Lab own = lab;
   own.seed = plan.seed * 1000003 + stack_number;
   own.serial = std::to_string(own.seed);
-  const Simulation simulation(std::move(own));
-  const SimulatedFrames light(simulation, plan.frames, true);
-  if (plan.dark_frames == 0) return measure(plan.model, light, nullptr, plan.split);
-  const SimulatedFrames darks(simulation, plan.dark_frames, false);
-  return measure(plan.model, light, &darks, plan.split);
+  return std::make_unique<SimulatedFrames>(own, shutter_open ? plan.frames : plan.dark_frames, shutter_open);
+}
+
+BatteryValues simulate_and_measure(const Lab& lab, const StackPlan& plan, std::uint64_t stack_number) {
+  const auto light = simulate_stack(lab, plan, stack_number, true);
+  if (plan.dark_frames == 0) return measure(plan.model, *light, nullptr, plan.split);
+  const auto darks = simulate_stack(lab, plan, stack_number, false);
+  return measure(plan.model, *light, darks.get(), plan.split);
 }
 
 void Population::append(const Population& more) {

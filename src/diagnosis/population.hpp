@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "analysis/battery.hpp"
@@ -22,7 +23,9 @@ struct StackPlan {
   int threads = 1;
 };
 
-/// Frames rendered when visited; kept in memory if they are small.
+/// The light (or dark) frames of one simulated stack.
+std::unique_ptr<FrameSequence> simulate_stack(const Lab& lab, const StackPlan& plan,
+                                              std::uint64_t stack_number, bool shutter_open);
 BatteryValues simulate_and_measure(const Lab& lab, const StackPlan& plan, std::uint64_t stack_number);
 
 /// A row per stack.

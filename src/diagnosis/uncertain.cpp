@@ -9,23 +9,33 @@
 namespace atomcam {
 namespace {
 
-Uncertain relative(std::string name, double width, std::function<void(Lab&, double factor)> scale) {
+using Figure = std::function<double(const Calibration&)>;
+
+Uncertain relative(std::string name, double width, std::function<void(Lab&, double factor)> scale,
+                   Figure figure) {
   return {.name = std::move(name),
           .centre = 0,
           .width = width,
           .lowest = -5 * width,
           .highest = 5 * width,
           .apply = [scale](Lab& lab, double c) { scale(lab, std::exp(c)); },
-          .value = [](double c) { return std::exp(c); }};
+          .value = [](double c) { return std::exp(c); },
+          .offset =
+              [figure](const Calibration& one, const Calibration& other) {
+                const double a = figure(one), b = figure(other);
+                return a > 0 && b > 0 ? std::clamp(std::log(a / b), -0.7, 0.7) : 0;
+              }};
 }
-Uncertain shift(std::string name, double width, std::function<void(Lab&, double by)> add) {
+Uncertain shift(std::string name, double width, std::function<void(Lab&, double by)> add, Figure figure) {
   return {.name = std::move(name),
           .centre = 0,
           .width = width,
           .lowest = -5 * width,
           .highest = 5 * width,
           .apply = std::move(add),
-          .value = [](double c) { return c; }};
+          .value = [](double c) { return c; },
+          .offset = [figure](const Calibration& one,
+                             const Calibration& other) { return figure(one) - figure(other); }};
 }
 double logit(double p) {
   p = std::clamp(p, 1e-5, 1 - 1e-5);
@@ -42,65 +52,86 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
   const Lab& lab = calibration.lab;
   const bool emccd = lab.kind() == CameraKind::emccd;
   const double bias_error = emccd ? calibration.counts.bias_error : calibration.dark_maps.bias_error;
-  open.push_back(shift("bias", std::max(0.004, 2 * bias_error),
-                       [](Lab& l, double by) { l.settings.bias_counts += by; }));
-  open.push_back(relative("read_noise", 0.003, [](Lab& l, double factor) {
-    std::visit([&](auto& sensor) { sensor.readout_modes.front().read_noise_e *= factor; }, l.sensor);
-  }));
-  open.push_back(relative("electrons_per_count", 0.012, [](Lab& l, double factor) {
-    // The read noise is known in counts.
-    std::visit(
-        [&](auto& sensor) {
-          sensor.readout_modes.front().electrons_per_count *= factor;
-          sensor.readout_modes.front().read_noise_e *= factor;
-        },
-        l.sensor);
-  }));
+  open.push_back(shift(
+      "bias", std::max(0.004, 2 * bias_error), [](Lab& l, double by) { l.settings.bias_counts += by; },
+      [](const Calibration& c) { return c.lab.settings.bias_counts; }));
+  open.push_back(relative(
+      "read_noise", 0.003,
+      [](Lab& l, double factor) {
+        std::visit([&](auto& sensor) { sensor.readout_modes.front().read_noise_e *= factor; }, l.sensor);
+      },
+      [](const Calibration& c) { return c.model.read_noise_counts; }));
+  open.push_back(relative(
+      "electrons_per_count", 0.012,
+      [](Lab& l, double factor) {
+        // The read noise is known in counts.
+        std::visit(
+            [&](auto& sensor) {
+              sensor.readout_modes.front().electrons_per_count *= factor;
+              sensor.readout_modes.front().read_noise_e *= factor;
+            },
+            l.sensor);
+      },
+      [](const Calibration& c) { return 1 / c.model.counts_per_electron; }));
   if (emccd)
-    open.push_back(relative("clock_induced_charge", 0.05, [](Lab& l, double factor) {
-      std::get<EmccdDescription>(l.sensor).clock_induced_charge_e *= factor;
-    }));
+    open.push_back(relative(
+        "clock_induced_charge", 0.05,
+        [](Lab& l, double factor) { std::get<EmccdDescription>(l.sensor).clock_induced_charge_e *= factor; },
+        [](const Calibration& c) { return c.model.dark_e; }));
   if (calibration.model.background_e > 0)
-    open.push_back(
-        relative("stray_light", 0.03, [](Lab& l, double factor) { l.stray_light_photons_per_s *= factor; }));
+    open.push_back(relative(
+        "stray_light", 0.03, [](Lab& l, double factor) { l.stray_light_photons_per_s *= factor; },
+        [](const Calibration& c) { return c.model.background_e; }));
   if (!emccd) {
-    open.push_back(relative("pixel_offsets", 0.02, [](Lab& l, double factor) {
-      std::get<QcmosDescription>(l.sensor).offset_sigma_counts *= factor;
-    }));
-    open.push_back(relative("column_offsets", 0.15, [](Lab& l, double factor) {
-      std::get<QcmosDescription>(l.sensor).column_gumbel_counts *= factor;
-    }));
-    open.push_back(relative("row_offsets", 0.15, [](Lab& l, double factor) {
-      std::get<QcmosDescription>(l.sensor).row_offset_sigma_counts *= factor;
-    }));
-    open.push_back(relative("read_noise_spread", 0.08, [](Lab& l, double factor) {
-      std::get<QcmosDescription>(l.sensor).read_noise_log_sigma *= factor;
-    }));
+    open.push_back(relative(
+        "pixel_offsets", 0.02,
+        [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).offset_sigma_counts *= factor; },
+        [](const Calibration& c) { return c.dark_maps.offset_sigma_counts; }));
+    open.push_back(relative(
+        "column_offsets", 0.15,
+        [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).column_gumbel_counts *= factor; },
+        [](const Calibration& c) { return c.dark_maps.column_gumbel_counts; }));
+    open.push_back(relative(
+        "row_offsets", 0.15,
+        [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).row_offset_sigma_counts *= factor; },
+        [](const Calibration& c) { return c.dark_maps.row_offset_sigma_counts; }));
+    open.push_back(relative(
+        "read_noise_spread", 0.08,
+        [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).read_noise_log_sigma *= factor; },
+        [](const Calibration& c) { return c.dark_maps.read_noise_log_sigma; }));
   }
   if (!calibration.has_sites) return open;
-  open.push_back(
-      relative("atom_light", 0.01, [](Lab& l, double factor) { l.scene.scattering_rate_hz *= factor; }));
+  open.push_back(relative(
+      "atom_light", 0.01, [](Lab& l, double factor) { l.scene.scattering_rate_hz *= factor; },
+      [](const Calibration& c) { return c.model.atom_e; }));
   const AtomFit& atoms = calibration.atoms;
   const double fill =
       std::max(0.01, 1.5 * atoms.filling_error) / std::max(0.02, atoms.filling * (1 - atoms.filling));
-  open.push_back(shift("filling", fill,
-                       [](Lab& l, double by) { l.scene.filling = logistic(logit(l.scene.filling) + by); }));
+  open.push_back(shift(
+      "filling", fill, [](Lab& l, double by) { l.scene.filling = logistic(logit(l.scene.filling) + by); },
+      [](const Calibration& c) { return logit(c.lab.scene.filling); }));
   const double loss =
       std::max(2 * atoms.survival_error, 0.002) / std::max(0.003, atoms.survival * (1 - atoms.survival));
-  open.push_back(shift("survival", std::min(loss, 0.5),
-                       [](Lab& l, double by) { l.scene.survival = logistic(logit(l.scene.survival) + by); }));
+  open.push_back(shift(
+      "survival", std::min(loss, 0.5),
+      [](Lab& l, double by) { l.scene.survival = logistic(logit(l.scene.survival) + by); },
+      [](const Calibration& c) { return logit(c.lab.scene.survival); }));
   for (const bool y : {false, true})
-    open.push_back(shift(y ? "origin_y" : "origin_x",
-                         std::max(0.005, 2 * calibration.optics.position_error_px), [y](Lab& l, double by) {
-                           auto& grid = std::get<SiteGrid>(l.layout);
-                           (y ? grid.offset_y : grid.offset_x) += by;
-                         }));
+    open.push_back(shift(
+        y ? "origin_y" : "origin_x", std::max(0.005, 2 * calibration.optics.position_error_px),
+        [y](Lab& l, double by) {
+          auto& grid = std::get<SiteGrid>(l.layout);
+          (y ? grid.offset_y : grid.offset_x) += by;
+        },
+        [y](const Calibration& c) { return y ? c.optics.lattice.origin_y : c.optics.lattice.origin_x; }));
   for (int term = 3; term < zernike_terms; ++term) {
     const auto row = static_cast<Eigen::Index>(3 + term);
     const double error =
         std::clamp(std::sqrt(std::max(0.0, calibration.optics.covariance(row, row))), 2e-5, 0.002);
-    Uncertain one = shift("zernike_" + std::string(zernike_catalogue()[term].key), 1.5 * error,
-                          [term](Lab& l, double by) { l.optics.zernike_um[term] += by; });
+    Uncertain one = shift(
+        "zernike_" + std::string(zernike_catalogue()[term].key), 1.5 * error,
+        [term](Lab& l, double by) { l.optics.zernike_um[term] += by; },
+        [term](const Calibration& c) { return c.optics.zernike_um[static_cast<std::size_t>(term)]; });
     one.shared = true;
     open.push_back(std::move(one));
   }

@@ -26,6 +26,8 @@ struct Uncertain {
   bool shared = false;
   std::function<void(Lab&, double coordinate)> apply;
   std::function<double(double coordinate)> value;  // in the parameter's unit
+  /// By how much a calibration says more than another, as a coordinate; empty for an effect's parameter.
+  std::function<double(const Calibration& one, const Calibration& other)> offset;
 };
 
 /// What calibration leaves open of the plain model: every fitted figure, a few of its errors wide.

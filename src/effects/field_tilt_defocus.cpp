@@ -36,7 +36,7 @@ EffectDeclaration field_tilt_defocus() {
       .parameters = {{.key = "tilt_um",
                       .unit = "um",
                       .minimum = 0,
-                      .maximum = 0.5,
+                      .maximum = 0.2,
                       .default_value = 0.05,
                       .scale = ParameterScale::linear,
                       .meaning = "Defocus (rms wavefront) at the sensor's edge, opposite at the other edge."},

@@ -1,0 +1,145 @@
+// Rendered stacks are calibrated: every figure comes back.
+#include "calibration/calibrate.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "base/error.hpp"
+#include "simulation/simulation.hpp"
+
+namespace atomcam {
+namespace {
+
+std::vector<CountImage> render(const Lab& lab, std::uint64_t first, int frames, bool shutter_open) {
+  const Simulation simulation(lab);
+  CameraSettings settings = simulation.lab().settings;
+  settings.shutter_open = shutter_open;
+  std::vector<CountImage> stack;
+  for (int n = 0; n < frames; ++n)
+    stack.push_back(simulation.render(first + static_cast<std::uint64_t>(n), settings).counts);
+  return stack;
+}
+
+Notes rough_notes(bool emccd) {
+  Notes notes;
+  notes.place = "notes";
+  notes.kind = emccd ? CameraKind::emccd : CameraKind::qcmos;
+  notes.shape = {64, 72};
+  notes.em_gain = emccd ? 300 : 1;
+  notes.electrons_per_count = emccd ? 4.85 : 0.107;
+  notes.read_noise_counts = 4;
+  notes.quantum_efficiency = 0.85;
+  notes.clock_induced_charge_e = emccd ? 0.002 : 0;
+  notes.pixel_um = emccd ? 16 : 4.6;
+  notes.magnification = emccd ? 78.125 : 30;
+  notes.stray_e_per_s = 2;
+  notes.grid = NotedGrid{.rows = 5, .columns = 5, .spacing_px = 10.5, .first_x_px = 12, .first_y_px = 11};
+  return notes;
+}
+
+/// The lab behind the frames: what was noted, some tens of percent off.
+Lab true_lab(const Notes& notes) {
+  Lab lab = lab_of_notes(notes);
+  lab.seed = 77;
+  lab.settings.bias_counts += 1.7;
+  lab.scene.scattering_rate_hz *= 1.13;
+  lab.scene.filling = 0.6;
+  lab.scene.survival = 0.94;
+  lab.stray_light_photons_per_s *= 1.4;
+  auto& grid = std::get<SiteGrid>(lab.layout);
+  grid.offset_x += 0.7;
+  grid.offset_y -= 0.6;
+  grid.spacing_x = 10.62;
+  grid.spacing_y = 10.47;
+  grid.angle_x_deg = 0.4;
+  grid.angle_y_deg = 0.2;
+  lab.optics.zernike_um[3] = 0.05;
+  lab.optics.zernike_um[5] = -0.01;
+  lab.optics.zernike_um[7] = 0.012;   // coma
+  lab.optics.zernike_um[8] = -0.009;  // trefoil
+  lab.optics.zernike_um[10] = 0.018;
+  if (lab.kind() == CameraKind::emccd) {
+    lab.settings.em_gain *= 1.1;
+  } else {
+    auto& qcmos = std::get<QcmosDescription>(lab.sensor);
+    qcmos.readout_modes[0].electrons_per_count *= 1.08;
+    qcmos.offset_sigma_counts = 0.6;
+    qcmos.read_noise_log_sigma = 0.06;
+  }
+  lab.place_sites();
+  return lab;
+}
+
+class Calibrate : public testing::TestWithParam<bool> {};
+
+TEST_P(Calibrate, FindsTheLabBehindTheFrames) {
+  const Notes notes = rough_notes(GetParam());
+  const Lab truth = true_lab(notes);
+  const FramesInMemory light(render(truth, 0, 250, true)), darks(render(truth, 1000000, 100, false));
+  CalibrationInput input;
+  input.notes = notes;
+  input.frames = &light;
+  input.darks = &darks;
+  const Calibration found = calibrate(input);
+  ASSERT_TRUE(found.optics.converged);
+  EXPECT_LT(found.optics.chi_square, found.optics.degrees_of_freedom * 1.15);
+  // Sites to 0.02 px, the corners included.
+  ASSERT_EQ(found.lab.scene.sites.size(), truth.scene.sites.size());
+  for (std::size_t s = 0; s < truth.scene.sites.size(); ++s) {
+    EXPECT_NEAR(found.lab.scene.sites[s].x_px, truth.scene.sites[s].x_px, 0.02);
+    EXPECT_NEAR(found.lab.scene.sites[s].y_px, truth.scene.sites[s].y_px, 0.02);
+  }
+  for (int term = 3; term < zernike_terms; ++term) {
+    const double error = std::sqrt(found.optics.covariance(3 + term, 3 + term));
+    EXPECT_NEAR(found.lab.optics.zernike_um[term], truth.optics.zernike_um[term], 5 * error + 3e-4) << term;
+  }
+  EXPECT_NEAR(found.lab.settings.bias_counts, truth.settings.bias_counts,
+              5 * (GetParam() ? found.counts.bias_error : found.dark_maps.bias_error));
+  EXPECT_NEAR(found.lab.scene.filling, 0.6, 5 * found.atoms.filling_error);
+  EXPECT_NEAR(found.lab.scene.survival, 0.94, 5 * found.atoms.survival_error);
+  const auto counts_per_electron = [](const Lab& lab) {
+    return std::visit(
+        [&](const auto& s) { return lab.settings.em_gain / s.readout_modes[0].electrons_per_count; },
+        lab.sensor);
+  };
+  EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.04);
+  // What the data know of the light is the product with the gain.
+  EXPECT_NEAR(found.lab.scene.scattering_rate_hz * counts_per_electron(found.lab) /
+                  (truth.scene.scattering_rate_hz * counts_per_electron(truth)),
+              1, 0.01);
+}
+
+INSTANTIATE_TEST_SUITE_P(Cameras, Calibrate, testing::Bool(),
+                         [](const auto& info) { return info.param ? "emccd" : "qcmos"; });
+
+TEST(CalibrateErrors, SayWhatIsWrong) {
+  const Notes notes = rough_notes(true);
+  Lab lab = true_lab(notes);
+  const auto problem = [&](const Notes& with, const FrameSequence& frames) -> std::string {
+    CalibrationInput input;
+    input.notes = with;
+    input.frames = &frames;
+    try {
+      calibrate(input);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const FramesInMemory few(render(lab, 0, 5, true));
+  EXPECT_NE(problem(notes, few).find("too few"), std::string::npos);
+  const FramesInMemory enough(render(lab, 0, 40, true));
+  Notes other = notes;
+  other.shape = {64, 64};
+  EXPECT_NE(problem(other, enough).find("shape"), std::string::npos);
+  other = notes;
+  other.grid->first_x_px = 500;
+  EXPECT_NE(problem(other, enough).find("site_grid"), std::string::npos);
+  lab.scene.filling = 0;
+  const FramesInMemory empty(render(lab, 0, 40, true));
+  EXPECT_NE(problem(notes, empty).find("no light"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace atomcam

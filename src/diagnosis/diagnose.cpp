@@ -17,6 +17,7 @@ namespace {
 
 constexpr double gap_level = 0.005;     // false alarms of the plain model
 constexpr double reject_level = 0.005;  // a fitted model below it is not the explanation
+constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 
 Eigen::VectorXd row_of(const std::vector<double>& values) {
   return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
@@ -217,30 +218,43 @@ class Diagnoser {
     }
     if (choose(singles)) return;
     // Pairs: on top of the single effects that close most.
-    std::vector<std::size_t> order(singles.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::sort(order.begin(), order.end(),
-              [&](std::size_t a, std::size_t b) { return closed_by(singles[a]) > closed_by(singles[b]); });
+    std::sort(singles.begin(), singles.end(),
+              [&](const Model& a, const Model& b) { return closed_by(a) > closed_by(b); });
     std::vector<Model> pairs;
-    for (std::size_t k = 0; k < std::min<std::size_t>(2, order.size()); ++k) {
-      const Model& base = singles[order[k]];
+    for (std::size_t k = 0; k < std::min<std::size_t>(2, singles.size()) && pairs.empty(); ++k) {
+      const Model& base = singles[k];
+      if (k > 0 && closed_by(singles.front()) > 0.9) break;
       std::vector<Scan> seconds =
           scan(base, 12, 0.78 + 0.1 * static_cast<double>(k), 0.86 + 0.1 * static_cast<double>(k));
       for (std::size_t j = 0; j < std::min<std::size_t>(2, seconds.size()); ++j) {
-        if (seconds[j].log_likelihood < 3) break;
+        // A second effect must speak for itself: many others could soak up a little of what the first leaves.
+        if (seconds[j].log_likelihood < second_evidence) break;
         Model model = with(base, seconds[j]);
         fit_and_judge(model, real_stack(), 2, 90, plan_, numbers_.next());
         note(model, seconds[j].log_likelihood);
-        pairs.push_back(std::move(model));
+        if (!all_significant(model)) continue;
+        const double left_before = 1 - closed_by(base), left = 1 - closed_by(model);
+        if (model.p_value >= reject_level || left < 0.4 * left_before) pairs.push_back(std::move(model));
       }
-      if (std::any_of(pairs.begin(), pairs.end(), [](const Model& m) { return m.p_value >= reject_level; }))
-        break;
     }
     if (choose(pairs)) return;
     std::vector<Model> all;
     for (auto& m : singles) all.push_back(std::move(m));
     for (auto& m : pairs) all.push_back(std::move(m));
     nearest(std::move(all));
+  }
+
+  /// Every effect's strength is some errors away from nothing.
+  static bool all_significant(const Model& model) {
+    for (const std::string& name : model.effects) {
+      const std::string key = "effects." + name + "." + find_effect(name)->parameters.front().key;
+      for (std::size_t k = 0; k < model.open.size(); ++k) {
+        if (model.open[k].name != key) continue;
+        const auto at = static_cast<Eigen::Index>(k);
+        if (model.error(at) > 0.3 || model.estimate(at) < model.open[k].lowest + 0.2) return false;
+      }
+    }
+    return true;
   }
 
   /// Models that pass: one by far the likeliest, or several that the data cannot tell apart.

@@ -157,8 +157,8 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
     if (!(fit_.spread(i) > 0)) continue;
     std::vector<double> sizes;
     for (Eigen::Index k = 0; k < n; ++k) sizes.push_back(std::fabs(own_(k, i)));
-    const double unit = std::max(
-        {1.4826 * quantile(sizes, 0.5), quantile(sizes, 0.9) / 1.645, quantile(sizes, 0.985) / 2.43, 0.2});
+    const double unit = std::max({1.4826 * quantile(sizes, 0.5), quantile(sizes, 0.9) / 1.645,
+                                  quantile(sizes, 0.985) / 2.43, quantile(sizes, 1.0) / 4, 0.2});
     deviation_(i) = unit * fit_.spread(i);
     own_.col(i) /= unit;
   }

@@ -111,7 +111,7 @@ TEST_P(Calibrate, FindsTheLabBehindTheFrames) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Cameras, Calibrate, testing::Bool(),
-                         [](const auto& info) { return info.param ? "emccd" : "qcmos"; });
+                         [](const auto& which) { return which.param ? "emccd" : "qcmos"; });
 
 TEST(CalibrateErrors, SayWhatIsWrong) {
   const Notes notes = rough_notes(true);

@@ -53,7 +53,7 @@ class Diagnoser {
     if (options_.progress) options_.progress(step, done);
   }
   /// Progress of one population as a part of the whole.
-  std::function<void(int)> part(std::string_view step, double from, double to, int stacks) const {
+  std::function<void(int)> part(const std::string& step, double from, double to, int stacks) const {
     if (!options_.progress) return {};
     return [this, step, from, to, stacks](int done) {
       options_.progress(step, from + (to - from) * std::min(1.0, static_cast<double>(done) / stacks));
@@ -217,25 +217,33 @@ class Diagnoser {
       singles.push_back(std::move(model));
     }
     if (choose(singles)) return;
-    // Pairs: on top of the single effects that close most.
-    std::sort(singles.begin(), singles.end(),
-              [&](const Model& a, const Model& b) { return closed_by(a) > closed_by(b); });
+    // Pairs: those whose fingerprints add up best to the real one, then really simulated.
+    double closed_alone = 0;
+    for (const Model& model : singles) closed_alone = std::max(closed_alone, closed_by(model));
+    const std::vector<PairMatch> matches = match_pairs(scans, 4, plain_.z, plan_.threads);
     std::vector<Model> pairs;
-    for (std::size_t k = 0; k < std::min<std::size_t>(2, singles.size()) && pairs.empty(); ++k) {
-      const Model& base = singles[k];
-      if (k > 0 && closed_by(singles.front()) > 0.9) break;
-      std::vector<Scan> seconds =
-          scan(base, 12, 0.78 + 0.1 * static_cast<double>(k), 0.86 + 0.1 * static_cast<double>(k));
-      for (std::size_t j = 0; j < std::min<std::size_t>(2, seconds.size()); ++j) {
-        // A second effect must speak for itself: many others could soak up a little of what the first leaves.
-        if (seconds[j].log_likelihood < second_evidence) break;
-        Model model = with(base, seconds[j]);
-        fit_and_judge(model, real_stack(), 2, 90, plan_, numbers_.next());
-        note(model, seconds[j].log_likelihood);
-        if (!all_significant(model)) continue;
-        const double left_before = 1 - closed_by(base), left = 1 - closed_by(model);
-        if (model.p_value >= reject_level || left < 0.4 * left_before) pairs.push_back(std::move(model));
-      }
+    for (std::size_t k = 0; k < std::min<std::size_t>(3, matches.size()); ++k) {
+      const PairMatch& match = matches[k];
+      // A second effect must speak for itself: many others could soak up a little of what the first leaves.
+      if (match.gain < second_evidence) continue;
+      Scan one, two;
+      one.effect = scans[match.first].effect;
+      one.open = scans[match.first].open;
+      one.best = match.best_first;
+      one.width = scans[match.first].width;
+      two.effect = scans[match.second].effect;
+      two.open = scans[match.second].open;
+      two.best = match.best_second;
+      two.width = scans[match.second].width;
+      Model model = with(with(plain_, one), two);
+      fit_and_judge(model, real_stack(), 2, 90, plan_, numbers_.next(),
+                    part(one.effect->name + " + " + two.effect->name, 0.8 + 0.05 * static_cast<double>(k),
+                         0.85 + 0.05 * static_cast<double>(k), 90));
+      note(model, match.gain);
+      if (!all_significant(model)) continue;
+      const double left = 1 - closed_by(model);
+      if (model.p_value >= reject_level || left < 0.4 * (1 - closed_alone)) pairs.push_back(std::move(model));
+      if (!pairs.empty() && pairs.back().p_value >= reject_level) break;
     }
     if (choose(pairs)) return;
     std::vector<Model> all;

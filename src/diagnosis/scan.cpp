@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/random.hpp"
+#include "simulation/parallel.hpp"
 
 namespace atomcam {
 namespace {
@@ -94,6 +95,7 @@ void match(Scan& scan, const Model& before, const Eigen::VectorXd& z) {
                      static_cast<double>(scan.draws.rows());
   }
   extra = (extra.array() * 1.5 - 1).max(0.0).matrix();
+  scan.extra = extra;
   Eigen::MatrixXd covariance = correlation.matrix;
   covariance.diagonal() += extra;
   const Eigen::MatrixXd inverse =
@@ -165,6 +167,75 @@ void match(Scan& scan, const Model& before, const Eigen::VectorXd& z) {
     const double range = one.highest - one.lowest;
     scan.width(k) = std::clamp(1.5 * std::sqrt(squares(k) / weights), 0.02 * range, 0.25 * range);
   }
+}
+
+namespace {
+
+/// Logarithmic likelihood of independent statistics.
+double independent(const Eigen::VectorXd& real, const Eigen::VectorXd& mean, const Eigen::VectorXd& variance) {
+  const Eigen::ArrayXd wide = 1 + variance.array();
+  return -0.5 * ((real - mean).array().square() / wide).sum() - 0.5 * wide.log().sum();
+}
+Eigen::VectorXd expanded(const Eigen::VectorXd& y) {
+  return y.unaryExpr([](double v) { return 2 * std::sinh(v / 2); });
+}
+
+}  // namespace
+
+std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders, const Eigen::VectorXd& z,
+                                   int threads) {
+  const Eigen::VectorXd real = compressed(z);
+  const auto alone = [&](const Scan& scan) {
+    const auto prediction = (*scan.emulator)(scan.best);
+    return independent(real, prediction.mean, prediction.variance + scan.extra);
+  };
+  std::vector<PairMatch> pairs;
+  for (std::size_t a = 0; a < std::min(leaders, scans.size()); ++a)
+    for (std::size_t b = 0; b < scans.size(); ++b)
+      if (b > a || b >= leaders) pairs.push_back({.first = a, .second = b, .best_first = {}, .best_second = {}});
+  parallel_for(static_cast<int>(pairs.size()), threads, 1, [&](int n) {
+    PairMatch& pair = pairs[static_cast<std::size_t>(n)];
+    const Scan &one = scans[pair.first], &two = scans[pair.second];
+    RandomStream random(1, stream_id("diagnosis/pairs"), static_cast<std::uint64_t>(n), 0);
+    const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
+    const auto evidence = [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+      const auto first = (*one.emulator)(a), second = (*two.emulator)(b);
+      return independent(real, compressed(expanded(first.mean) + expanded(second.mean)),
+                         first.variance + second.variance + one.extra + two.extra);
+    };
+    const auto moved = [&](const Scan& scan, Eigen::VectorXd at, double step) {
+      for (Eigen::Index k = 0; k < at.size(); ++k) {
+        const Uncertain& open = scan.open[static_cast<std::size_t>(k)];
+        at(k) += (open.highest - open.lowest) * step * (uniform() + uniform() + uniform() - 1.5);
+        if (open.cycle > 0)
+          at(k) -= open.cycle * std::floor((at(k) - open.lowest) / open.cycle);
+        else
+          at(k) = std::clamp(at(k), open.lowest, open.highest);
+      }
+      return at;
+    };
+    pair.best_first = one.best;
+    pair.best_second = two.best;
+    double best = evidence(one.best, two.best);
+    const auto attempt = [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+      const double value = evidence(a, b);
+      if (value <= best) return;
+      best = value;
+      pair.best_first = a;
+      pair.best_second = b;
+    };
+    for (Eigen::Index k = 0; k < two.draws.rows(); ++k) attempt(pair.best_first, two.draws.row(k).transpose());
+    for (int k = 0; k < 80; ++k) attempt(moved(one, pair.best_first, 0.1), moved(two, two.best, 0.7));
+    for (const double step : {0.2, 0.08, 0.03})
+      for (int k = 0; k < 60; ++k)
+        attempt(moved(one, pair.best_first, step), moved(two, pair.best_second, step));
+    pair.gain = best - std::max(alone(one), alone(two));
+  });
+  std::sort(pairs.begin(), pairs.end(), [&](const PairMatch& a, const PairMatch& b) {
+    return a.gain + std::max(alone(scans[a.first]), alone(scans[a.second])) >
+           b.gain + std::max(alone(scans[b.first]), alone(scans[b.second]));
+  });
+  return pairs;
 }
 
 }  // namespace atomcam

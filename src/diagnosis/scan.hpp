@@ -19,6 +19,7 @@ struct Scan {
   std::unique_ptr<Emulator> emulator;
   Eigen::VectorXd best, width;  // coordinates
   Eigen::VectorXd predicted;    // compressed z at the best parameters
+  Eigen::VectorXd extra;  // variance of the stacks about the emulator beyond the model's own
   double log_likelihood = 0;    // relative to that of the model before: the evidence for the effect
 };
 
@@ -33,5 +34,17 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
 
 /// Parameters that fit best, and the evidence.
 void match(Scan& scan, const Model& before, const Eigen::VectorXd& z);
+
+/// Two effects at once: their deviations taken to add up.
+struct PairMatch {
+  std::size_t first = 0, second = 0;  // scans
+  Eigen::VectorXd best_first, best_second;
+  double gain = 0;  // in logarithmic likelihood over the better of the two alone
+};
+
+/// All pairs of one of the first `leaders` scans with any other, the most promising first. No correlations between
+/// statistics: a quick look, without simulation.
+std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders, const Eigen::VectorXd& z,
+                                   int threads);
 
 }  // namespace atomcam

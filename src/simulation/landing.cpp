@@ -207,7 +207,7 @@ using SharedFunction = std::shared_ptr<const PointSpreadFunction>;
 SharedFunction shared_function(const FunctionKey& key) {
   static std::mutex mutex;
   static std::list<std::pair<FunctionKey, std::shared_future<SharedFunction>>> recent;
-  constexpr std::size_t kept = 160;
+  constexpr std::size_t kept = 256;
   std::promise<SharedFunction> promise;
   {
     std::unique_lock lock(mutex);

@@ -13,6 +13,7 @@ void add_check_truth_command(CLI::App& app);
 void add_score_command(CLI::App& app);
 void add_lab_command(CLI::App& app);
 void add_effects_command(CLI::App& app);
+void add_blind_command(CLI::App& app);
 void add_calibrate_command(CLI::App& app);
 void add_diagnose_command(CLI::App& app);
 

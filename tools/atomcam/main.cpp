@@ -24,6 +24,7 @@ int main(int argc, char** argv) {
   atomcam::add_effects_command(app);
   atomcam::add_calibrate_command(app);
   atomcam::add_diagnose_command(app);
+  atomcam::add_blind_command(app);
   const int bad_input = argc > 1 && std::string_view(argv[1]) == "diagnose" ? 3 : 2;
   try {
     std::vector<std::string> commands;

@@ -1,0 +1,36 @@
+#pragma once
+// Stacks whose effects are known to nobody but a seal: what a diagnosis is judged on.
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "simulation/lab.hpp"
+
+namespace atomcam {
+
+struct BlindEffect {
+  std::string name, stage;
+  double strength = 0;  // of its first parameter
+};
+
+struct BlindStack {
+  Lab lab;            // the truth
+  std::string notes;  // JSON, tens of percent off
+  std::vector<BlindEffect> effects;
+};
+
+struct BlindOptions {
+  std::uint64_t seed = 1;
+  int rows = 96, columns = 96;
+  /// Effects to choose from; empty: the catalogue.
+  std::vector<std::string> effects;
+  double none_share = 0.2, pair_share = 0.2;
+  /// Strengths are drawn evenly (in the logarithm) between these multiples of the effect's default.
+  double weakest = 0.5, strongest = 3;
+};
+
+/// Stack `number` of a series: a pure function of options and number.
+BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number);
+
+}  // namespace atomcam

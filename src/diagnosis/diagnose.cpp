@@ -92,7 +92,7 @@ class Diagnoser {
     result_.p_after = plain_.p_value;
   }
 
-  void fit_centres(Model& model, int stacks, std::string_view step, double from, double to) {
+  void fit_centres(Model& model, int stacks, const std::string& step, double from, double to) {
     model.population = simulate_population(model.lab, model.open, stacks, plan_, numbers_.next(), nullptr,
                                            part(step, from, to, stacks));
     const Standard standard(model.population, Part::whole);

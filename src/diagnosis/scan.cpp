@@ -172,7 +172,8 @@ void match(Scan& scan, const Model& before, const Eigen::VectorXd& z) {
 namespace {
 
 /// Logarithmic likelihood of independent statistics.
-double independent(const Eigen::VectorXd& real, const Eigen::VectorXd& mean, const Eigen::VectorXd& variance) {
+double independent(const Eigen::VectorXd& real, const Eigen::VectorXd& mean,
+                   const Eigen::VectorXd& variance) {
   const Eigen::ArrayXd wide = 1 + variance.array();
   return -0.5 * ((real - mean).array().square() / wide).sum() - 0.5 * wide.log().sum();
 }
@@ -182,8 +183,8 @@ Eigen::VectorXd expanded(const Eigen::VectorXd& y) {
 
 }  // namespace
 
-std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders, const Eigen::VectorXd& z,
-                                   int threads) {
+std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders,
+                                   const Eigen::VectorXd& z, int threads) {
   const Eigen::VectorXd real = compressed(z);
   const auto alone = [&](const Scan& scan) {
     const auto prediction = (*scan.emulator)(scan.best);
@@ -192,7 +193,8 @@ std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t l
   std::vector<PairMatch> pairs;
   for (std::size_t a = 0; a < std::min(leaders, scans.size()); ++a)
     for (std::size_t b = 0; b < scans.size(); ++b)
-      if (b > a || b >= leaders) pairs.push_back({.first = a, .second = b, .best_first = {}, .best_second = {}});
+      if (b > a || b >= leaders)
+        pairs.push_back({.first = a, .second = b, .best_first = {}, .best_second = {}});
   parallel_for(static_cast<int>(pairs.size()), threads, 1, [&](int n) {
     PairMatch& pair = pairs[static_cast<std::size_t>(n)];
     const Scan &one = scans[pair.first], &two = scans[pair.second];
@@ -224,7 +226,8 @@ std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t l
       pair.best_first = a;
       pair.best_second = b;
     };
-    for (Eigen::Index k = 0; k < two.draws.rows(); ++k) attempt(pair.best_first, two.draws.row(k).transpose());
+    for (Eigen::Index k = 0; k < two.draws.rows(); ++k)
+      attempt(pair.best_first, two.draws.row(k).transpose());
     for (int k = 0; k < 80; ++k) attempt(moved(one, pair.best_first, 0.1), moved(two, two.best, 0.7));
     for (const double step : {0.2, 0.08, 0.03})
       for (int k = 0; k < 60; ++k)

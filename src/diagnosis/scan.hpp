@@ -19,7 +19,7 @@ struct Scan {
   std::unique_ptr<Emulator> emulator;
   Eigen::VectorXd best, width;  // coordinates
   Eigen::VectorXd predicted;    // compressed z at the best parameters
-  Eigen::VectorXd extra;  // variance of the stacks about the emulator beyond the model's own
+  Eigen::VectorXd extra;        // variance of the stacks about the emulator beyond the model's own
   double log_likelihood = 0;    // relative to that of the model before: the evidence for the effect
 };
 
@@ -42,9 +42,9 @@ struct PairMatch {
   double gain = 0;  // in logarithmic likelihood over the better of the two alone
 };
 
-/// All pairs of one of the first `leaders` scans with any other, the most promising first. No correlations between
-/// statistics: a quick look, without simulation.
-std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders, const Eigen::VectorXd& z,
-                                   int threads);
+/// All pairs of one of the first `leaders` scans with any other, the most promising first. No correlations
+/// between statistics: a quick look, without simulation.
+std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders,
+                                   const Eigen::VectorXd& z, int threads);
 
 }  // namespace atomcam

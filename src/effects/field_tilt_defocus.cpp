@@ -49,8 +49,8 @@ EffectDeclaration field_tilt_defocus() {
                       .meaning = "Direction in which the defocus grows, from +x towards +y."},
                      {.key = "curvature_um",
                       .unit = "um",
-                      .minimum = -0.5,
-                      .maximum = 0.5,
+                      .minimum = -0.2,
+                      .maximum = 0.2,
                       .default_value = 0,
                       .scale = ParameterScale::linear,
                       .meaning = "Defocus at the edge from field curvature, even in all directions, times "

@@ -204,14 +204,24 @@ QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
     log_variances.push_back(std::log(std::max(1e-6, variances.back())));
   }
   fit.bias_counts = median(means);
-  // Read noise: the median of s^2 under chi^2 with n - 1 degrees and a log-normal spread of sigma.
+  // Read noise from the quiet part of the pixels (3 % to 22 %): those that are noisier for a reason of their
+  // own must neither raise nor widen the law. ln s^2 is the sum of ln sigma^2 (normal) and of ln chi^2 / n,
+  // whose variance and skewness are known; quantiles by Cornish and Fisher's first term.
   const double degrees = std::max(1.0, n - 1);
-  const double chi_median = std::pow(1 - 2 / (9 * degrees), 3);
-  const double sigma_median = std::sqrt(std::max(1e-12, median(variances) / chi_median - 1.0 / 12));
-  // From the quiet half: pixels that are noisier for a reason of their own must not widen the law.
-  const double lower = (quantile(log_variances, 0.5) - quantile(log_variances, 0.1587)) /
-                       (1 + 0.17 * std::sqrt(trigamma(degrees / 2)));  // ln chi^2 leans to the left
-  fit.read_noise_log_sigma = std::sqrt(std::max(0.0, square(lower) - trigamma(degrees / 2)) / 4);
+  const double chi_variance = trigamma(degrees / 2), x = degrees / 2;
+  const double chi_skewness =
+      -(1 / (x * x) + 1 / (x * x * x) + 0.5 / (x * x * x * x)) / std::pow(chi_variance, 1.5);
+  constexpr double low = -1.8808, high = -0.7722;  // normal quantiles of 3 % and 22 %
+  const double distance = quantile(log_variances, 0.22) - quantile(log_variances, 0.03);
+  double width = std::sqrt(chi_variance), skewness = chi_skewness;
+  for (int round = 0; round < 6; ++round) {
+    skewness = chi_skewness * std::pow(std::min(1.0, std::sqrt(chi_variance) / width), 3);
+    width = std::max(std::sqrt(chi_variance),
+                     distance / ((high - low) + skewness / 6 * (high * high - low * low)));
+  }
+  fit.read_noise_log_sigma = std::sqrt(std::max(0.0, square(width) - chi_variance) / 4);
+  const double mean_log = quantile(log_variances, 0.22) - width * (high + skewness / 6 * (high * high - 1));
+  const double sigma_median = std::sqrt(std::max(1e-12, std::exp(mean_log + 1 / degrees) - 1.0 / 12));
   fit.read_noise_counts = sigma_median * std::exp(square(fit.read_noise_log_sigma));
   fit.read_noise_error = fit.read_noise_counts * 1.25 * 0.5 * robust_sigma(log_variances) / std::sqrt(pixels);
   // Offsets: columns and rows by medians over the other axis.

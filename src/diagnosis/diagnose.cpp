@@ -147,7 +147,8 @@ class Diagnoser {
     for (std::size_t k = 0; k < scan.open.size(); ++k) {
       Uncertain one = scan.open[k];
       one.centre = scan.best(static_cast<Eigen::Index>(k));
-      one.width = scan.width(static_cast<Eigen::Index>(k));
+      one.width = std::clamp(scan.width(static_cast<Eigen::Index>(k)), 0.01 * (one.highest - one.lowest),
+                             0.06 * (one.highest - one.lowest));
       model.open.push_back(std::move(one));
     }
     return model;
@@ -197,6 +198,14 @@ class Diagnoser {
       match(scans[k], plain_, plain_.z);
     }
     sort(scans);
+    // Closer looks at the leaders: their parameters must be near before they are fitted.
+    for (int look = 0; look < 2; ++look) {
+      for (std::size_t k = 0; k < std::min<std::size_t>(3, scans.size()); ++k) {
+        explore(scans[k], plain_, 14, plan_, numbers_.next(), part(scans[k].effect->name, 0.56, 0.58, 14));
+        match(scans[k], plain_, plain_.z);
+      }
+      sort(scans);
+    }
     for (const Scan& one : scans) {
       Hypothesis seen;
       seen.effects = {one.effect->name};
@@ -210,7 +219,7 @@ class Diagnoser {
           scans[k].log_likelihood < scans[0].log_likelihood - std::max(60.0, 0.3 * scans[0].log_likelihood))
         break;
       Model model = with(plain_, scans[k]);
-      fit_and_judge(model, real_stack(), 2, 90, plan_, numbers_.next(),
+      fit_and_judge(model, real_stack(), 5, 90, plan_, numbers_.next(),
                     part(scans[k].effect->name, 0.58 + 0.05 * static_cast<double>(k),
                          0.63 + 0.05 * static_cast<double>(k), 120));
       note(model, scans[k].log_likelihood);
@@ -218,8 +227,10 @@ class Diagnoser {
     }
     if (choose(singles)) return;
     // Pairs: those whose fingerprints add up best to the real one, then really simulated.
-    double closed_alone = 0;
-    for (const Model& model : singles) closed_alone = std::max(closed_alone, closed_by(model));
+    if (singles.empty()) return nearest({});
+    const auto left_alone =
+        std::max_element(singles.begin(), singles.end(),
+                         [](const Model& a, const Model& b) { return a.log_likelihood < b.log_likelihood; });
     const std::vector<PairMatch> matches = match_pairs(scans, 4, plain_.z, plan_.threads);
     std::vector<Model> pairs;
     for (std::size_t k = 0; k < std::min<std::size_t>(3, matches.size()); ++k) {
@@ -236,13 +247,15 @@ class Diagnoser {
       two.best = match.best_second;
       two.width = scans[match.second].width;
       Model model = with(with(plain_, one), two);
-      fit_and_judge(model, real_stack(), 2, 90, plan_, numbers_.next(),
+      fit_and_judge(model, real_stack(), 5, 90, plan_, numbers_.next(),
                     part(one.effect->name + " + " + two.effect->name, 0.8 + 0.05 * static_cast<double>(k),
                          0.85 + 0.05 * static_cast<double>(k), 90));
       note(model, match.gain);
       if (!all_significant(model)) continue;
-      const double left = 1 - closed_by(model);
-      if (model.p_value >= reject_level || left < 0.4 * (1 - closed_alone)) pairs.push_back(std::move(model));
+      // The pair must leave much less than the better of the two alone, in its own standard deviations.
+      const bool better = model.gap - model.floor < 0.3 * (left_alone->gap - left_alone->floor) &&
+                          model.log_likelihood > left_alone->log_likelihood + 2 * second_evidence;
+      if (model.p_value >= reject_level || better) pairs.push_back(std::move(model));
       if (!pairs.empty() && pairs.back().p_value >= reject_level) break;
     }
     if (choose(pairs)) return;
@@ -294,9 +307,8 @@ class Diagnoser {
     result_.verdict = Verdict::unexplained;
     result_.unexplained.present = true;
     if (models.empty()) return;
-    const auto best = std::max_element(models.begin(), models.end(), [&](const Model& a, const Model& b) {
-      return closed_by(a) - 0.02 * static_cast<double>(a.effects.size()) <
-             closed_by(b) - 0.02 * static_cast<double>(b.effects.size());
+    const auto best = std::max_element(models.begin(), models.end(), [](const Model& a, const Model& b) {
+      return a.log_likelihood < b.log_likelihood;
     });
     const double closed = closed_by(*best);
     if (closed < 0.85) return;

@@ -105,22 +105,26 @@ void fit_and_judge(Model& model, const RealStack& real, int rounds, int stacks, 
     model.population = simulate_population(model.lab, model.open, each, plan, number, nullptr, progress);
     const Standard standard(model.population, Part::whole);
     const Eigen::VectorXd estimate = standard.estimate(statistics);
+    bool settled = true;
     for (std::size_t k = 0; k < model.open.size(); ++k) {
       Uncertain& one = model.open[k];
       const auto at = static_cast<Eigen::Index>(k);
       const bool of_effect = at >= model.first_effect_parameter;
       if (one.width <= 0) continue;
       // Far steps are not linear: at most some widths at a time.
-      const double most = (of_effect ? 2.0 : 4.0) * one.width;
+      const double most = (of_effect ? 3.0 : 4.0) * one.width;
       double moved = one.centre + std::clamp(estimate(at) - one.centre, -most, most);
+      if (of_effect && std::fabs(estimate(at) - one.centre) > one.width) settled = false;
       if (one.cycle > 0)
         moved -= one.cycle * std::floor((moved - one.lowest) / one.cycle);
       else if (of_effect)
         moved = std::clamp(moved, one.lowest, one.highest);
       one.centre = moved;
       if (!of_effect) one.lowest = moved - 5 * one.width, one.highest = moved + 5 * one.width;
-      if (of_effect) one.width = std::clamp(1.5 * standard.estimate_error()(at), 0.25 * one.width, one.width);
+      if (of_effect && round >= 1)
+        one.width = std::clamp(1.5 * standard.estimate_error()(at), 0.4 * one.width, one.width);
     }
+    if (settled && round >= 1) break;
   }
   recalibrate(model, real, plan, first + 800000);
   judge(model, *real.values, stacks, plan, first + 900000, {}, progress);

@@ -165,7 +165,7 @@ void match(Scan& scan, const Model& before, const Eigen::VectorXd& z) {
   for (Eigen::Index k = 0; k < dimension; ++k) {
     const Uncertain& one = scan.open[static_cast<std::size_t>(k)];
     const double range = one.highest - one.lowest;
-    scan.width(k) = std::clamp(1.5 * std::sqrt(squares(k) / weights), 0.02 * range, 0.25 * range);
+    scan.width(k) = std::clamp(1.5 * std::sqrt(squares(k) / weights), 0.015 * range, 0.25 * range);
   }
 }
 

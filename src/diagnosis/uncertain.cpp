@@ -56,7 +56,7 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
       "bias", std::max(0.004, 2 * bias_error), [](Lab& l, double by) { l.settings.bias_counts += by; },
       [](const Calibration& c) { return c.lab.settings.bias_counts; }));
   open.push_back(relative(
-      "read_noise", 0.003,
+      "read_noise", 0.006,
       [](Lab& l, double factor) {
         std::visit([&](auto& sensor) { sensor.readout_modes.front().read_noise_e *= factor; }, l.sensor);
       },

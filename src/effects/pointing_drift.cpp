@@ -6,20 +6,16 @@ namespace {
 class PointingDrift : public Effect {
  public:
   explicit PointingDrift(const ParameterValues& values)
-      : amplitude_px_(values[0]), period_frames_(values[1]), shot_px_(values[2]) {}
+      : amplitude_px_(values[0]), period_frames_(values[1]) {}
 
   void apply_to_light(LightField& light, const FrameContext& context) const override {
     light.shift_x_px += amplitude_px_ * wandering(context, "x", period_frames_);
     light.shift_y_px += amplitude_px_ * wandering(context, "y", period_frames_);
-    RandomStream random = context.random("shot");
-    light.shift_x_px += shot_px_ * sample_normal(random);
-    light.shift_y_px += shot_px_ * sample_normal(random);
   }
 
  private:
   double amplitude_px_;
   double period_frames_;
-  double shot_px_;
 };
 
 }  // namespace
@@ -27,7 +23,7 @@ class PointingDrift : public Effect {
 EffectDeclaration pointing_drift() {
   return {.name = "pointing_drift",
           .plane = Plane::photons,
-          .summary = "The image wanders over the sensor from frame to frame.",
+          .summary = "The image wanders over the sensor, slowly against the frames.",
           .reference = "Thermal drift and pointing of tweezer arrays: 0.01-0.3 px from shot to shot",
           .parameters = {{.key = "amplitude_px",
                           .unit = "px",
@@ -38,18 +34,11 @@ EffectDeclaration pointing_drift() {
                           .meaning = "Rms shift per axis of the slow motion."},
                          {.key = "period_frames",
                           .unit = "frames",
-                          .minimum = 1,
+                          .minimum = 4,
                           .maximum = 1e+06,
                           .default_value = 50,
                           .scale = ParameterScale::logarithmic,
-                          .meaning = "Frames over which the position becomes another."},
-                         {.key = "shot_px",
-                          .unit = "px",
-                          .minimum = 0,
-                          .maximum = 5,
-                          .default_value = 0,
-                          .scale = ParameterScale::linear,
-                          .meaning = "Rms shift per axis that is new in every frame."}},
+                          .meaning = "Frames over which the position becomes another."}},
           .observables = {"centroid_series", "point_spread_width"},
           .emccd = true,
           .qcmos = true,

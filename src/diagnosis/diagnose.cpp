@@ -84,8 +84,9 @@ class Diagnoser {
     plain_.first_effect_parameter = static_cast<Eigen::Index>(plain_.open.size());
     const double cost = static_cast<double>(plan_.frames) * static_cast<double>(frames_.shape().pixels());
     null_stacks_ = cost > 3e7 ? 160 : 240;
-    // One small round first: the calibration's own bias against simulated stacks is taken out.
-    fit_centres(plain_, 60, "plain model", 0.04, 0.08);
+    // The calibration's own bias is taken out first: simulated stacks shall calibrate as the real one did.
+    recalibrate(plain_, real_stack(), plan_, numbers_.next());
+    fit_centres(plain_, 80, "plain model", 0.04, 0.08);
     atomcam::judge(plain_, real_, null_stacks_, plan_, numbers_.next(), {},
                    part("plain model", 0.08, 0.25, null_stacks_));
     result_.p_gap = plain_.p_value;

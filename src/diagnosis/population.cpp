@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::size_t kept_bytes = 64u << 20;
 constexpr std::uint64_t first_dark_frame = 1000000;
-constexpr std::uint64_t optical_systems = 16;  // different draws of shared parameters
+constexpr std::uint64_t optical_systems = 40;  // different draws of shared parameters
 
 /// Rendered when visited; kept in memory if they are few.
 class SimulatedFrames : public FrameSequence {

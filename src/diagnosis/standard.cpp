@@ -10,6 +10,7 @@ constexpr double winsor = 5;         // residuals count at most this many deviat
 constexpr double prior_widths = 10;  // of a parameter, in widths of its draws
 constexpr int folds = 10;
 constexpr double largest_z = 1e4;
+constexpr double ordinary = 4;  // deviations that a model's own stacks have now and then
 constexpr double still = 0.35;
 
 double quantile(std::vector<double> values, double q) {
@@ -153,14 +154,36 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
       (misses.colwise().squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, n))).cwiseSqrt();
   // A heavy tail counts as a wide law: the deviation is at least what the outer quantiles say.
   deviation_.setZero(p);
+  erratic_.assign(static_cast<std::size_t>(p), false);
   for (Eigen::Index i = 0; i < p; ++i) {
     if (!(fit_.spread(i) > 0)) continue;
     std::vector<double> sizes;
     for (Eigen::Index k = 0; k < n; ++k) sizes.push_back(std::fabs(own_(k, i)));
-    const double unit = std::max({1.4826 * quantile(sizes, 0.5), quantile(sizes, 0.9) / 1.645,
-                                  quantile(sizes, 0.985) / 2.43, quantile(sizes, 1.0) / 4, 0.2});
+    const double body = std::max(
+        {1.4826 * quantile(sizes, 0.5), quantile(sizes, 0.9) / 1.645, quantile(sizes, 0.985) / 2.43, 0.2});
+    // Rare large values: the largest of all stacks counts as 4. The stack that has it is judged by the
+    // others'.
+    Eigen::Index at_largest = 0;
+    double largest = 0, second = 0;
+    for (Eigen::Index k = 0; k < n; ++k) {
+      const double size = sizes[static_cast<std::size_t>(k)];
+      if (size > largest) {
+        second = largest;
+        largest = size;
+        at_largest = k;
+      } else {
+        second = std::max(second, size);
+      }
+    }
+    const double unit = std::max(body, largest / 4);
     deviation_(i) = unit * fit_.spread(i);
     own_.col(i) /= unit;
+    own_(at_largest, i) *= unit / std::max(body, second / 4);
+    // Of a statistic that some stacks throw far out for no reason, nothing is to be concluded beyond that.
+    if (n > 0 && std::fabs(own_(at_largest, i)) > 1.5 * ordinary) {
+      erratic_[static_cast<std::size_t>(i)] = true;
+      own_.col(i) = own_.col(i).cwiseMax(-ordinary).cwiseMin(ordinary);
+    }
   }
 }
 
@@ -168,10 +191,12 @@ Eigen::VectorXd Standard::judge(const Eigen::VectorXd& statistics,
                                 const Eigen::VectorXd& known_values) const {
   const Eigen::VectorXd z = scaled(fit_, statistics);
   Eigen::VectorXd rest = z - fit_.slope * deltas(fit_, z, known_values);
-  for (Eigen::Index i = 0; i < rest.size(); ++i)
+  for (Eigen::Index i = 0; i < rest.size(); ++i) {
+    const double limit = erratic_[static_cast<std::size_t>(i)] ? ordinary : largest_z;
     rest(i) = deviation_(i) > 0 && std::isfinite(statistics(i))
-                  ? std::clamp(rest(i) * fit_.spread(i) / deviation_(i), -largest_z, largest_z)
+                  ? std::clamp(rest(i) * fit_.spread(i) / deviation_(i), -limit, limit)
                   : 0;
+  }
   return rest;
 }
 

@@ -46,6 +46,7 @@ class Standard {
   std::vector<Eigen::Index> known_;
   Fit fit_;
   Eigen::VectorXd deviation_;
+  std::vector<bool> erratic_;
   Eigen::MatrixXd own_;
   Eigen::VectorXd estimate_error_;
 };

@@ -1,14 +1,14 @@
 #include "optics/cells.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <complex>
 #include <numeric>
 #include <string>
 
 #include "base/error.hpp"
 #include "base/math.hpp"
-#include "optics/core_sums.hpp"
+#include "optics/cell_sums.hpp"
 #include "optics/fourier.hpp"
 #include "optics/pupil.hpp"
 #include "optics/sinc.hpp"
@@ -58,88 +58,152 @@ class BlurTransfer {
   double major_, minor_, cosine_, sine_;
 };
 
-/// A half spectrum of an image that is periodic with `size` samples.
-struct Spectrum {
-  int size;
-  int reach;  // no frequency index beyond this
-  std::vector<std::complex<double>> values;
-  std::complex<double>& at(int l, int k) {
-    return values[static_cast<std::size_t>(l < 0 ? l + size : l) * static_cast<std::size_t>(size / 2 + 1) +
-                  static_cast<std::size_t>(k)];
+// The light in a cell is a sum over the samples about it: the intensity holds no frequency beyond 0.45 per
+// sample, so between samples it is a sum of sinc functions, and these may be cut off smoothly (Kaiser's
+// window) where their spectrum has fallen from 1 at 0.45 to 0 at 0.55.
+constexpr int sinc_reach = 72;  // samples; what is cut off is 2e-11
+constexpr double window_slope = 2 * math::pi * sinc_reach * (0.5 - 2 * sample_step);
+
+double bessel_i0(double x) {
+  double sum = 1, term = 1;
+  for (int n = 1; term > 1e-17 * sum; ++n) {
+    term *= x * x / (4.0 * n * n);
+    sum += term;
   }
+  return sum;
+}
+
+double windowed_sinc(double x) {
+  const double part = x / sinc_reach;
+  if (part * part >= 1) return 0;
+  return sinc(x) * bessel_i0(window_slope * std::sqrt(1 - part * part)) / bessel_i0(window_slope);
+}
+
+/// One axis: the weights of samples in the cells of every level. Finest cells are 1/9 of a sample wide, so
+/// their places within a sample, and the weights, come around.
+class CellWeights {
+ public:
+  CellWeights() {
+    // Gauss-Legendre, 4 nodes: a finest cell holds 1/20 of the shortest wave.
+    constexpr double node[2] = {0.3399810435848563, 0.8611363115940526};
+    constexpr double weight[2] = {0.6521451548625461, 0.3478548451374538};
+    for (int place = 0; place < 9; ++place) {
+      std::vector<double>& sums = weights_[0].emplace_back(2 * sinc_reach);
+      for (std::size_t n = 0; n < sums.size(); ++n)
+        for (int g = 0; g < 4; ++g) {
+          const double x = (place + 0.5 * (1 + (g < 2 ? -node[g] : node[g - 2]))) / 9.0;
+          sums[n] += weight[g % 2] / 18 * windowed_sinc(x - (static_cast<double>(n) - sinc_reach + 1));
+        }
+    }
+    // A coarser cell is three finer ones.
+    for (int level = 1; level < cell_levels; ++level) {
+      const auto& finer = weights_[level - 1];
+      for (std::size_t place = 0; place < std::max<std::size_t>(1, finer.size() / 3); ++place) {
+        const std::size_t step = finer.size() >= 3 ? 0 : level == 3 ? 1 : 3;  // samples from one to the next
+        std::vector<double>& sums = weights_[level].emplace_back(finer[0].size() + 2 * step);
+        for (std::size_t part = 0; part < 3; ++part) {
+          const std::vector<double>& each = step == 0 ? finer[3 * place + part] : finer[0];
+          for (std::size_t n = 0; n < each.size(); ++n) sums[n + part * step] += each[n];
+        }
+      }
+    }
+  }
+
+  /// Cell `index` counted from the centre: its light is the sum of weights[n] sample(first + n).
+  struct Sum {
+    int first;
+    std::span<const double> weights;
+  };
+  Sum at(int level, int index) const {
+    const int places = static_cast<int>(weights_[level].size());
+    const int place = ((index % places) + places) % places;
+    const int samples_wide = level <= sampled_level ? 1 : level == 3 ? 3 : 9;
+    return {(index - place) / places * samples_wide - sinc_reach + 1, weights_[level][place]};
+  }
+
+ private:
+  std::array<std::vector<std::vector<double>>, cell_levels> weights_;  // [level][place within a sample]
 };
 
-/// The light in the side x side cells of width `width` (in samples) about the centre: the integral of the
-/// spectrum's trigonometric polynomial over each cell, by separable sums; even and odd parts serve a place
-/// and its mirror image.
-std::vector<double> core_cells(Spectrum& spectrum, int side, double width) {
-  const int half = side / 2, reach = spectrum.reach;
-  const std::size_t columns =
-      (static_cast<std::size_t>(half) + core_sum_columns - 1) / core_sum_columns * core_sum_columns;
-  const double turns = width / spectrum.size;
-  // cos and sin of 2 pi k x for the places x = i + 1/2 right of the centre, and the light in a cell at
-  // frequency k.
-  std::vector<double> cosine(static_cast<std::size_t>(reach + 1) * columns), sine(cosine.size());
-  std::vector<double> weight(static_cast<std::size_t>(reach + 1));
-  for (int k = 0; k <= reach; ++k) {
-    weight[k] = turns * sinc(k * turns);
-    for (int i = 0; i < half; ++i) {
-      cosine[k * columns + i] = math::cos_turns(k * (i + 0.5) * turns);
-      sine[k * columns + i] = math::sin_turns(k * (i + 0.5) * turns);
+using Lines = std::vector<double>;  // [block of cell_sum_lines, place, line]
+
+/// Periodic: place p of `size`, -size / 2 on, stands at p + size / 2 + margin; margins repeat the other end.
+constexpr int margin = sinc_reach;
+
+void fill_margins(double* block, int size) {
+  const auto width = cell_sum_lines * static_cast<std::size_t>(margin);
+  const auto period = cell_sum_lines * static_cast<std::size_t>(size);
+  std::copy_n(block + period, width, block);
+  std::copy_n(block + width, width, block + period + width);
+}
+
+/// Samples -> cells along the columns, then along the rows. `column(m, to, stride)` gives column m.
+template <class Column>
+std::vector<double> cells_of_samples(int side, int size, Column column) {
+  static const CellWeights weights;
+  constexpr int lines = cell_sum_lines;
+  const int half = side / 2, places = size + 2 * margin;
+  const int blocks = (side + lines - 1) / lines;
+  const auto block_size = static_cast<std::size_t>(places) * cell_sum_lines;
+  std::array<Lines, cell_levels> down;  // [block of cell rows, image column, cell row]
+  std::array<int, cell_levels> first{}, last{};
+  for (int level = 0; level < cell_levels; ++level) {
+    down[level].resize(static_cast<std::size_t>(blocks) * block_size);
+    // Columns that the level's cells look at; the outermost level looks at all.
+    const auto begin = weights.at(level, -half), end = weights.at(level, side - half - 1);
+    first[level] = std::max(0, begin.first + size / 2);
+    last[level] = std::min(size, end.first + static_cast<int>(end.weights.size()) + size / 2);
+  }
+  Lines samples(block_size);
+  std::array<double, cell_sum_lines> sums;
+  for (int start = 0; start < size; start += lines) {
+    const int some = std::min(lines, size - start);
+    for (int c = 0; c < some; ++c) column(start + c, &samples[margin * cell_sum_lines + c], cell_sum_lines);
+    fill_margins(samples.data(), size);
+    for (int level = 0; level < cell_levels; ++level) {
+      if (start >= last[level] || start + some <= first[level]) continue;
+      for (int j = 0; j < side; ++j) {
+        const auto sum = weights.at(level, j - half);
+        cell_sums(sum.weights,
+                  &samples[static_cast<std::size_t>(sum.first + size / 2 + margin) * cell_sum_lines],
+                  sums.data());
+        double* to = &down[level][static_cast<std::size_t>(j / lines) * block_size +
+                                  static_cast<std::size_t>(start + margin) * cell_sum_lines + j % lines];
+        for (int c = 0; c < some; ++c) to[static_cast<std::size_t>(c) * cell_sum_lines] = sums[c];
+      }
     }
   }
-  std::vector<double> cells(static_cast<std::size_t>(side) * static_cast<std::size_t>(side));
-  std::vector<double> even_re(columns), even_im(columns), odd_re(columns), odd_im(columns);
-  std::vector<double> re(static_cast<std::size_t>(side)), im(re.size());
-  std::vector<double> value_re(weight.size()), value_im(weight.size());
-  for (int l = -reach; l <= reach; ++l) {
-    const int last =
-        static_cast<int>(std::sqrt(static_cast<double>(reach) * reach - static_cast<double>(l) * l));
-    for (int k = 0; k <= last; ++k) {
-      const std::complex<double> value = (k == 0 ? 1 : 2) * weight[k] * spectrum.at(l, k);
-      value_re[k] = value.real();
-      value_im[k] = value.imag();
+  std::vector<double> cells(static_cast<std::size_t>(cell_levels * side * side));
+  for (int level = 0; level < cell_levels; ++level)
+    for (int block = 0; block < blocks; ++block) {
+      double* from = &down[level][static_cast<std::size_t>(block) * block_size];
+      if (level == cell_levels - 1) fill_margins(from, size);
+      const int rows = std::min(lines, side - block * lines);
+      for (int i = 0; i < side; ++i) {
+        const auto sum = weights.at(level, i - half);
+        cell_sums(sum.weights,
+                  from + static_cast<std::size_t>(sum.first + size / 2 + margin) * cell_sum_lines,
+                  sums.data());
+        for (int r = 0; r < rows; ++r)
+          cells[static_cast<std::size_t>((level * side + block * lines + r) * side + i)] = sums[r];
+      }
     }
-    const auto terms = static_cast<std::size_t>(last + 1);
-    core_sums(std::span(value_re).first(terms), std::span(value_im).first(terms), cosine.data(), sine.data(),
-              columns, {even_re.data(), even_im.data(), odd_re.data(), odd_im.data()});
-    // exp(i p) = cos p + i sin p at a place is conjugate at its mirror image.
-    for (int i = 0; i < half; ++i) {
-      re[half + i] = even_re[i] - odd_im[i];
-      im[half + i] = even_im[i] + odd_re[i];
-      re[half - 1 - i] = even_re[i] + odd_im[i];
-      im[half - 1 - i] = even_im[i] - odd_re[i];
-    }
-    const double* c = &cosine[std::abs(l) * columns];
-    const double* s = &sine[std::abs(l) * columns];
-    const double sign = l < 0 ? -1 : 1;
-    for (int j = 0; j < side; ++j) {
-      const bool right = j >= half;
-      const auto place = static_cast<std::size_t>(right ? j - half : half - 1 - j);
-      const double row_re = weight[std::abs(l)] * c[place];
-      const double row_im = weight[std::abs(l)] * s[place] * (right ? sign : -sign);
-      double* row = &cells[static_cast<std::size_t>(j) * static_cast<std::size_t>(side)];
-      for (int i = 0; i < side; ++i) row[i] += row_re * re[i] - row_im * im[i];
-    }
-  }
   return cells;
 }
 
-/// The light in the cells between samples: cell (j, i) covers [i, i + 1) x [j, j + 1) samples, negative ones
-/// wrapped.
-std::vector<double> sampled_cells(Spectrum& spectrum) {
-  const int size = spectrum.size, reach = spectrum.reach;
-  std::vector<std::complex<double>> factor(static_cast<std::size_t>(2 * reach + 1));
-  for (int k = -reach; k <= reach; ++k) {
-    const double turns = static_cast<double>(k) / size;
-    factor[k + reach] =
-        sinc(turns) / size * std::complex<double>(math::cos_turns(turns / 2), math::sin_turns(turns / 2));
-  }
-  Spectrum shifted{size, reach, std::vector<std::complex<double>>(spectrum.values.size())};
-  for (int l = -reach; l <= reach; ++l)
-    for (int k = 0; k <= reach; ++k)
-      shifted.at(l, k) = spectrum.at(l, k) * factor[l + reach] * factor[k + reach];
-  return image_of_spectrum(std::move(shifted.values), size);
+/// The image, all of it, blurred.
+std::vector<double> blurred_image(ImageSamples& samples, const BlurTransfer& blurred, int size,
+                                  double period) {
+  const auto columns = static_cast<std::size_t>(size);
+  std::vector<double> image(columns * columns);  // [row, column]
+  for (int m = 0; m < size; ++m) samples.column(m, &image[static_cast<std::size_t>(m)], columns);
+  auto spectrum = spectrum_of_image(std::move(image), size);
+  std::size_t n = 0;
+  for (int l = 0; l < size; ++l)
+    for (int k = 0; k <= size / 2; ++k, ++n)
+      spectrum[n] *=
+          blurred(k / period, (l < size / 2 ? l : l - size) / period) / (static_cast<double>(size) * size);
+  return image_of_spectrum(std::move(spectrum), size);
 }
 
 }  // namespace
@@ -149,31 +213,20 @@ Cells point_spread_cells(const OpticsDescription& optics, Blur blur) {
   Cells cells;
   cells.side = choose_side(optics, std::max(blur.major_um, blur.minor_um) / unit_um);
   const int side = cells.side, size = 9 * side;  // level 4 covers exactly one period
-  const double period = size * sample_step;
-
-  Spectrum spectrum{size, std::min(static_cast<int>(2 * period) + 3, size / 2 - 1),
-                    transfer_function(optics, size, sample_step)};
-  const BlurTransfer blurred(blur, unit_um);
-  if (!blurred.none())
-    for (int l = -spectrum.reach; l <= spectrum.reach; ++l)
-      for (int k = 0; k <= spectrum.reach; ++k) spectrum.at(l, k) *= blurred(k / period, l / period);
-
   const auto level_cells = static_cast<std::size_t>(side) * static_cast<std::size_t>(side);
-  cells.share.reserve(cell_levels * level_cells);
-  for (int level = 0, width = 1; level < sampled_level; ++level, width *= 3) {
-    const std::vector<double> core = core_cells(spectrum, side, width * finest_cell / sample_step);
-    cells.share.insert(cells.share.end(), core.begin(), core.end());
+
+  ImageSamples samples(optics, size, sample_step);
+  const BlurTransfer blurred(blur, unit_um);
+  if (blurred.none()) {
+    cells.share = cells_of_samples(
+        side, size, [&](int column, double* to, std::size_t stride) { samples.column(column, to, stride); });
+  } else {
+    const auto image = blurred_image(samples, blurred, size, size * sample_step);
+    cells.share = cells_of_samples(side, size, [&](int column, double* to, std::size_t stride) {
+      for (int n = 0; n < size; ++n)
+        to[static_cast<std::size_t>(n) * stride] = image[static_cast<std::size_t>(n * size + column)];
+    });
   }
-  const std::vector<double> sampled = sampled_cells(spectrum);
-  cells.share.resize(cell_levels * level_cells);
-  for (int level = sampled_level, width = 1; level < cell_levels; ++level, width *= 3)
-    for (int y = -side / 2 * width; y < side / 2 * width; ++y) {
-      const double* row =
-          &sampled[static_cast<std::size_t>(y < 0 ? y + size : y) * static_cast<std::size_t>(size)];
-      double* cell = &cells.share[cells.index(level, (y + side / 2 * width) / width, 0)];
-      for (int x = -side / 2 * width; x < side / 2 * width; ++cell)
-        for (const int next = x + width; x < next; ++x) *cell += row[x < 0 ? x + size : x];
-    }
   for (int level = 1; level < cell_levels; ++level)
     for (int j = side / 3; j < side - side / 3; ++j)
       for (int i = side / 3; i < side - side / 3; ++i) cells.share[cells.index(level, j, i)] = 0;

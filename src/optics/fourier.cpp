@@ -2,6 +2,7 @@
 
 #include <fftw3.h>
 
+#include <map>
 #include <mutex>
 
 namespace atomcam {
@@ -45,26 +46,29 @@ std::size_t squared(int size) {
 
 }  // namespace
 
-FourierGrid::FourierGrid(int size) : size_(size), values_(squared(size)) {}
-
-void FourierGrid::transform() {
-  fftw_complex* data = raw(values_.data());
-  Plan([&] { return fftw_plan_dft_2d(size_, size_, data, data, FFTW_FORWARD, plan_flags); }).execute();
+FourierLine::FourierLine(int size) {
+  // Tables come in a handful of sizes, so the plans that are kept are as few.
+  static std::map<int, fftw_plan> plans;
+  const std::scoped_lock lock(planner());
+  fftw_plan& plan = plans[size];
+  if (plan == nullptr) {
+    std::vector<std::complex<double>> from(static_cast<std::size_t>(size)), to(from.size());
+    plan = fftw_plan_dft_1d(size, raw(from.data()), raw(to.data()), FFTW_FORWARD,
+                            plan_flags | FFTW_UNALIGNED | FFTW_PRESERVE_INPUT);
+  }
+  plan_ = plan;
 }
 
-std::vector<std::complex<double>> FourierGrid::spectrum_of_intensity(std::span<const double> factor,
-                                                                     double total) const {
-  std::vector<double> intensity(values_.size());
-  const auto size = static_cast<std::size_t>(size_);
-  for (std::size_t n = 0; n < size; ++n)
-    for (std::size_t m = 0; m < size; ++m)
-      intensity[n * size + m] = std::norm(values_[n * size + m]) * (factor[n] * factor[m]);
-  std::vector<std::complex<double>> spectrum(static_cast<std::size_t>(size_) *
-                                             static_cast<std::size_t>(size_ / 2 + 1));
+void FourierLine::transform(const std::complex<double>* from, std::complex<double>* to) const {
+  fftw_execute_dft(static_cast<fftw_plan>(plan_), raw(const_cast<std::complex<double>*>(from)), raw(to));
+}
+
+std::vector<std::complex<double>> spectrum_of_image(std::vector<double> image, int size) {
+  std::vector<std::complex<double>> spectrum(static_cast<std::size_t>(size) *
+                                             static_cast<std::size_t>(size / 2 + 1));
   Plan([&] {
-    return fftw_plan_dft_r2c_2d(size_, size_, intensity.data(), raw(spectrum.data()), plan_flags);
+    return fftw_plan_dft_r2c_2d(size, size, image.data(), raw(spectrum.data()), plan_flags);
   }).execute();
-  for (std::complex<double>& value : spectrum) value /= total;
   return spectrum;
 }
 

@@ -1,32 +1,26 @@
 #pragma once
-// The three transforms that a point-spread function needs, on square grids, by FFTW3. Indices count from the
-// centre: a negative index is stored wrapped around.
+// The transforms that a point-spread function needs, by FFTW3. A negative index is stored wrapped around.
 
 #include <complex>
-#include <span>
 #include <vector>
 
 namespace atomcam {
 
-/// A complex square grid, zero at first.
-class FourierGrid {
+/// The transform of lines of one length: to[n] = sum over l of from[l] exp(-2 pi i l n / size). Plans are
+/// made once per length and kept; use by several threads is safe.
+class FourierLine {
  public:
-  explicit FourierGrid(int size);
-  std::complex<double>& at(int row, int column) {
-    return values_[static_cast<std::size_t>(wrapped(row)) * static_cast<std::size_t>(size_) +
-                   static_cast<std::size_t>(wrapped(column))];
-  }
-  /// values(n, m) <- sum over (l, k) of values(l, k) exp(-2 pi i (l n + k m) / size).
-  void transform();
-  /// The transform, as above, of |values(n, m)|^2 factor(n) factor(m), for columns 0 .. size / 2, divided by
-  /// its first value. `factor` in storage order.
-  std::vector<std::complex<double>> spectrum_of_intensity(std::span<const double> factor, double total) const;
+  explicit FourierLine(int size);
+  /// Does not touch `from`; the two must not overlap.
+  void transform(const std::complex<double>* from, std::complex<double>* to) const;
 
  private:
-  int wrapped(int index) const { return index < 0 ? index + size_ : index; }
-  int size_;
-  std::vector<std::complex<double>> values_;
+  void* plan_;
 };
+
+/// The half spectrum (size rows, size / 2 + 1 columns) of a real image: sum over all (n, m) of image(n, m)
+/// exp(-2 pi i (l n + k m) / size).
+std::vector<std::complex<double>> spectrum_of_image(std::vector<double> image, int size);
 
 /// The real image of a half spectrum as above (size rows, size / 2 + 1 columns): sum over all (l, k) of
 /// spectrum(l, k) exp(+2 pi i (l n + k m) / size). The spectrum is used up.

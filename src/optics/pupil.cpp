@@ -2,9 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <utility>
 
 #include "base/math.hpp"
-#include "optics/fourier.hpp"
+#include "optics/pupil_row.hpp"
 #include "optics/sinc.hpp"
 #include "optics/zernike.hpp"
 
@@ -39,6 +44,64 @@ Part part_inside(double x, double y, double side) {
   return {inside / (parts * parts), sum_x / inside, sum_y / inside};
 }
 
+/// The squares of a grid of pupil samples that the aperture fills or cuts; row j is at y = j spacing, j =
+/// -reach .. reach.
+struct PupilGrid {
+  struct Edge {
+    int row, column;
+    Part part;
+  };
+  std::vector<int> filled;  // by row: columns -filled[j + reach] .. filled[j + reach] are whole; -1: none
+  std::vector<Edge> edges;  // by row
+};
+
+PupilGrid make_grid(int reach, double spacing) {
+  PupilGrid grid;
+  for (int j = -reach; j <= reach; ++j) {
+    int filled = -1;
+    while (part_inside((filled + 1) * spacing, j * spacing, spacing).share == 1) ++filled;
+    grid.filled.push_back(filled);
+    for (int i = -reach; i <= reach; ++i) {
+      if (std::abs(i) <= filled) continue;
+      const Part part = part_inside(i * spacing, j * spacing, spacing);
+      if (part.share > 0) grid.edges.push_back({j, i, part});
+    }
+  }
+  return grid;
+}
+
+/// Kept for every size: tables come in a handful of them, at one step.
+std::shared_ptr<const PupilGrid> shared_grid(int size, int reach, double spacing) {
+  static std::mutex mutex;
+  static std::map<std::pair<int, double>, std::shared_ptr<const PupilGrid>> grids;
+  const std::scoped_lock lock(mutex);
+  auto& grid = grids[{size, spacing}];
+  if (grid == nullptr) grid = std::make_shared<const PupilGrid>(make_grid(reach, spacing));
+  return grid;
+}
+
+/// Row y of the pupil, for pupil_row.
+PupilRow row_at(const PupilPolynomial& turns, double y, double spacing, double numerical_aperture) {
+  PupilRow row{};
+  for (std::size_t p = 0; p < 5; ++p) {
+    double value = 0, slope = 0;
+    for (std::size_t q = 5; q-- > 0;) {
+      slope = slope * y + value;
+      value = value * y + turns[p][q];
+    }
+    row.turns[p] = value;
+    if (p > 0) row.slope_x[p - 1] = static_cast<double>(p) * value * spacing;
+    if (p < 4) row.slope_y[p] = slope * spacing;
+  }
+  row.spacing = spacing;
+  row.sine_square = numerical_aperture * numerical_aperture;
+  row.sine_square_y = row.sine_square * y * y;
+  return row;
+}
+
+/// Rows whose transforms are laid down together: their samples fill whole cache lines.
+constexpr int rows_at_once = 8;
+
 }  // namespace
 
 RayReach ray_reach(const OpticsDescription& optics) {
@@ -60,44 +123,88 @@ RayReach ray_reach(const OpticsDescription& optics) {
 // Each sample of the pupil is its mean over a square of the grid: a hard edge on points would make the
 // aperture's area and the far tail depend on the grid. The mean multiplies the image's amplitude by sinc(x /
 // period) sinc(y / period), which is divided out of the intensity.
-std::vector<std::complex<double>> transfer_function(const OpticsDescription& optics, int size, double step) {
+ImageSamples::ImageSamples(const OpticsDescription& optics, int size, double step)
+    : size_(size),
+      reach_(static_cast<int>(size * step) + 2),
+      line_(size),
+      from_(static_cast<std::size_t>(size)),
+      to_(static_cast<std::size_t>(size)) {
   const auto zernike_um = without_tilt(optics.zernike_um);
-  const bool flat = std::all_of(zernike_um.begin(), zernike_um.end(), [](double a) { return a == 0; });
-  const double period = size * step, spacing = 1 / period;  // of pupil samples, in aperture radii
-  const int reach = static_cast<int>(period) + 2;
-  FourierGrid amplitude(size);
+  const double spacing = 1 / (size * step);  // of pupil samples, in aperture radii
+  const auto grid = shared_grid(size, reach_, spacing);
+  PupilPolynomial turns = zernike_polynomial(zernike_um);
+  for (auto& line : turns)
+    for (double& value : line) value /= optics.wavelength_um;
+  const double aperture = optics.apodisation ? optics.numerical_aperture : 0;
+  const auto apodised = [aperture](double x, double y) {
+    return 1 / std::sqrt(std::sqrt(1 - aperture * aperture * (x * x + y * y)));
+  };
+
   double energy = 0;
-  for (int j = -reach; j <= reach; ++j)
-    for (int i = -reach; i <= reach; ++i) {
-      const Part part = part_inside(i * spacing, j * spacing, spacing);
-      if (part.share == 0) continue;
-      double strength = part.share;
-      if (optics.apodisation) {
-        const double sine_square =
-            optics.numerical_aperture * optics.numerical_aperture * (part.x * part.x + part.y * part.y);
-        strength /= std::sqrt(std::sqrt(1 - sine_square));
+  const int rows = 2 * reach_ + 1;
+  halfway_.resize(static_cast<std::size_t>(size) * static_cast<std::size_t>(rows));
+  std::vector<std::complex<double>> made(static_cast<std::size_t>(rows + pupil_row_step));
+  std::vector<std::complex<double>> transformed(static_cast<std::size_t>(rows_at_once * size));
+  auto edge = grid->edges.begin();
+  for (int first = 0; first < rows; first += rows_at_once) {
+    const int some = std::min(rows_at_once, rows - first);
+    for (int r = 0; r < some; ++r) {
+      const int j = first + r - reach_;
+      const int filled = grid->filled[static_cast<std::size_t>(j + reach_)];
+      std::fill(from_.begin(), from_.end(), 0.0);
+      if (filled >= 0) {
+        const int count = 2 * filled + 1;
+        pupil_row(row_at(turns, j * spacing, spacing, aperture), -filled,
+                  (count + pupil_row_step - 1) / pupil_row_step * pupil_row_step, made.data());
+        std::copy_n(made.begin() + filled, filled + 1, from_.begin());
+        std::copy_n(made.begin(), filled, from_.end() - filled);
+        if (aperture == 0) energy += count;
+        for (int i = -filled; aperture != 0 && i <= filled; ++i) {
+          const double strength = apodised(i * spacing, j * spacing);
+          energy += strength * strength;
+        }
       }
-      energy += strength * strength / part.share;
-      if (flat) {
-        amplitude.at(j, i) = strength;
-        continue;
+      for (; edge != grid->edges.end() && edge->row == j; ++edge) {
+        const Part& part = edge->part;
+        double strength = part.share * apodised(part.x, part.y);
+        energy += strength * strength / part.share;
+        const auto values = zernike_values(part.x, part.y);
+        double wavefront_um = 0;
+        for (std::size_t n = 3; n < zernike_terms; ++n) wavefront_um += zernike_um[n] * values[n];
+        const Slope slope = zernike_slope(zernike_um, part.x, part.y);
+        strength *=
+            sinc(slope.x / optics.wavelength_um * spacing) * sinc(slope.y / optics.wavelength_um * spacing);
+        const double turn = wavefront_um / optics.wavelength_um;
+        from_[static_cast<std::size_t>(edge->column < 0 ? edge->column + size : edge->column)] = {
+            strength * math::cos_turns(turn), strength * math::sin_turns(turn)};
       }
-      const auto values = zernike_values(part.x, part.y);
-      double wavefront_um = 0;
-      for (int n = 3; n < zernike_terms; ++n) wavefront_um += zernike_um[n] * values[n];
-      const Slope slope = zernike_slope(zernike_um, part.x, part.y);
-      strength *=
-          sinc(slope.x / optics.wavelength_um * spacing) * sinc(slope.y / optics.wavelength_um * spacing);
-      const double turns = wavefront_um / optics.wavelength_um;
-      amplitude.at(j, i) = {strength * math::cos_turns(turns), strength * math::sin_turns(turns)};
+      line_.transform(from_.data(), &transformed[static_cast<std::size_t>(r * size)]);
     }
-  amplitude.transform();
-  std::vector<double> correction(static_cast<std::size_t>(size));
-  for (int n = 0; n < size; ++n) {
-    const double value = sinc(static_cast<double>(n < size / 2 ? n : n - size) / size);
-    correction[n] = 1 / (value * value);
+    for (int m = 0; m < size; ++m)
+      for (int r = 0; r < some; ++r)
+        halfway_[static_cast<std::size_t>(m) * static_cast<std::size_t>(rows) +
+                 static_cast<std::size_t>(first + r)] = transformed[static_cast<std::size_t>(r * size + m)];
   }
-  return amplitude.spectrum_of_intensity(correction, energy * size * size);
+  scale_ = 1 / (energy * size * size);
+  for (int n = -size / 2; n < size / 2; ++n) {
+    const double value = sinc(static_cast<double>(n) / size);
+    correction_.push_back(1 / (value * value));
+  }
+  std::fill(from_.begin(), from_.end(), 0.0);
+}
+
+void ImageSamples::column(int column, double* to, std::size_t stride) {
+  const int half = size_ / 2;
+  const auto rows = static_cast<std::size_t>(2 * reach_ + 1);
+  const auto wrapped = static_cast<std::size_t>(column < half ? column + half : column - half);
+  const auto at = halfway_.begin() + static_cast<std::ptrdiff_t>(wrapped * rows);
+  std::copy_n(at + reach_, reach_ + 1, from_.begin());
+  std::copy_n(at, reach_, from_.end() - reach_);
+  line_.transform(from_.data(), to_.data());
+  const double scale = scale_ * correction_[static_cast<std::size_t>(column)];
+  for (int n = 0; n < size_; ++n, to += stride)
+    *to = std::norm(to_[static_cast<std::size_t>(n < half ? n + half : n - half)]) *
+          (scale * correction_[static_cast<std::size_t>(n)]);
 }
 
 }  // namespace atomcam

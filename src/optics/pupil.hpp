@@ -6,6 +6,7 @@
 #include <complex>
 #include <vector>
 
+#include "optics/fourier.hpp"
 #include "optics/optics.hpp"
 
 namespace atomcam {
@@ -16,10 +17,22 @@ struct RayReach {
 };
 RayReach ray_reach(const OpticsDescription& optics);
 
-/// The complex optical transfer function of the pupil, sampled at multiples of 1 / (size * step) for an image
-/// that is periodic with size * step diffraction units: rows l = 0 .. size - 1 (negative ones wrapped),
-/// columns k = 0 .. size / 2 (the rest follows by symmetry); 1 at zero. Needs step < 1 / 4, so that the
-/// intensity is not aliased.
-std::vector<std::complex<double>> transfer_function(const OpticsDescription& optics, int size, double step);
+/// The intensity in the image, periodic with `size` (even) samples `step` < 1 / 4 diffraction units apart:
+/// close enough for its highest frequency, 2.
+class ImageSamples {
+ public:
+  ImageSamples(const OpticsDescription& optics, int size, double step);
+  /// One column of the image: to[n * stride] is the light per square sample at row n - size / 2, column
+  /// `column` - size / 2; the sum over the image is 1.
+  void column(int column, double* to, std::size_t stride);
+
+ private:
+  int size_, reach_;
+  FourierLine line_;
+  double scale_ = 0;
+  std::vector<double> correction_;             // by place, from -size / 2 on
+  std::vector<std::complex<double>> halfway_;  // [image column, pupil row]: transformed along the rows only
+  std::vector<std::complex<double>> from_, to_;
+};
 
 }  // namespace atomcam

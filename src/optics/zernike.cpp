@@ -103,4 +103,41 @@ Slope zernike_slope(const std::array<double, zernike_terms>& coefficients, doubl
   return slope;
 }
 
+PupilPolynomial zernike_polynomial(const std::array<double, zernike_terms>& coefficients) {
+  // c_m and s_m of the harmonics above.
+  std::array<PupilPolynomial, 5> c{}, s{};
+  c[0][0][0] = 1;
+  for (std::size_t m = 1; m < 5; ++m)
+    for (std::size_t p = 0; p < m; ++p) {
+      const std::size_t q = m - 1 - p;
+      c[m][p + 1][q] += c[m - 1][p][q];
+      c[m][p][q + 1] -= s[m - 1][p][q];
+      s[m][p + 1][q] += s[m - 1][p][q];
+      s[m][p][q + 1] += c[m - 1][p][q];
+    }
+  PupilPolynomial sum{};
+  for (int i = 0; i < zernike_terms; ++i) {
+    if (coefficients[i] == 0) continue;
+    const Radial& r = radials()[i];
+    const int frequency = catalogue[i].frequency;
+    const auto m = static_cast<std::size_t>(frequency < 0 ? -frequency : frequency);
+    const PupilPolynomial& angular = frequency < 0 ? s[m] : c[m];
+    for (std::size_t p = 0; p <= m; ++p) {
+      const std::size_t q = m - p;
+      const double value = coefficients[i] * angular[p][q];
+      sum[p][q] += r.a * value;
+      if (r.b != 0) {
+        sum[p + 2][q] += r.b * value;
+        sum[p][q + 2] += r.b * value;
+      }
+      if (r.d != 0) {
+        sum[p + 4][q] += r.d * value;
+        sum[p + 2][q + 2] += 2 * r.d * value;
+        sum[p][q + 4] += r.d * value;
+      }
+    }
+  }
+  return sum;
+}
+
 }  // namespace atomcam

@@ -49,4 +49,8 @@ struct Slope {
 };
 Slope zernike_slope(const std::array<double, zernike_terms>& coefficients, double x, double y);
 
+/// sum_i coefficients[i] Z_i as a polynomial: element [p][q] multiplies x^p y^q.
+using PupilPolynomial = std::array<std::array<double, 5>, 5>;
+PupilPolynomial zernike_polynomial(const std::array<double, zernike_terms>& coefficients);
+
 }  // namespace atomcam

@@ -17,6 +17,26 @@ constexpr Step steps[] = {{"right_1", 0, 1}, {"right_2", 0, 2},    {"right_3", 0
                           {"down_3", 3, 0},  {"down_right", 1, 1}, {"down_left", 1, -1}};
 constexpr std::size_t step_count = std::size(steps);
 
+/// Only the nearest: nothing more is asked for under the sites. sums as in add_products, the others stay.
+ATOMCAM_VECTOR_CLONES
+void add_near_products(std::size_t n, const float* q, const std::ptrdiff_t* shifts, double* sums) {
+  Lanes square = lanes(0), s0 = square, s1 = square, s4 = square, s5 = square, s7 = square, s8 = square;
+  for (std::size_t i = 0; i < n; i += lane_count) {
+    const float* p = q + i;
+    const Lanes v = load(p);
+    square += v * v;
+    s0 += v * load(p + shifts[0]);
+    s1 += v * load(p + shifts[1]);
+    s4 += v * load(p + shifts[4]);
+    s5 += v * load(p + shifts[5]);
+    s7 += v * load(p + shifts[7]);
+    s8 += v * load(p + shifts[8]);
+  }
+  sums[0] += total(square);
+  sums[1] += total(s0), sums[2] += total(s1), sums[5] += total(s4);
+  sums[6] += total(s5), sums[8] += total(s7), sums[9] += total(s8);
+}
+
 /// sums[0] += sum of q^2, sums[1 + k] += sum of q[i] q[i + shift[k]].
 ATOMCAM_VECTOR_CLONES
 void add_products(std::size_t n, const float* q, const std::ptrdiff_t* shifts, double* sums) {
@@ -51,7 +71,7 @@ class Neighbours : public Family {
   void second_look(const SecondLook& look) override {
     add_products(look.quiet.size(), look.quiet.inner(), shifts_, dark_[look.part].data());
     if (!layout_.packed.empty())
-      add_products(look.residual.size(), look.residual.inner(), shifts_, all_[look.part].data());
+      add_near_products(look.residual.size(), look.residual.inner(), shifts_, all_[look.part].data());
   }
 
   void summarise(Part which, const Record&, Sheet& sheet) const override {

@@ -202,30 +202,40 @@ class SiteBrightness : public Family {
     double exchange = 0, exchange_far = 0, occupancy_near = 0, occupancy_far = 0, row_product = 0,
            row_pairs = 0;
     double spill = 0, spill_pairs = 0;
-    std::vector<double> now(sites), residual(sites), filled(sites);
+    // Whether a site is bright, empty or between is a coin toss: factors of 0 and 1 instead of branches.
+    struct Reading {
+      double now = 0, bright = 0, residual = 0, empty = 0, above_empty = 0, middle = 0, filled = 0;
+    };
+    std::vector<Reading> readings(sites);
     for (const std::size_t n : chosen) {
       for (std::size_t s = 0; s < sites; ++s) {
-        const double b = now[s] = record.bright(n, s);
-        residual[s] = b > core_from ? b - site_mean[s] - common[n] : not_a_number;
-        filled[s] = (b > occupied_above ? 1 : 0) - filling[s];
+        const double b = record.bright(n, s);
+        const bool is_bright = b > core_from, is_empty = b < 0.25;
+        readings[s] = {.now = b,
+                       .bright = static_cast<double>(is_bright),
+                       .residual = is_bright ? b - site_mean[s] - common[n] : 0,
+                       .empty = static_cast<double>(is_empty),
+                       .above_empty = is_empty ? b - site_empty[s] : 0,
+                       .middle = static_cast<double>((b > 0.2) & (b < 0.8)),
+                       .filled = static_cast<double>(b > occupied_above) - filling[s]};
       }
-      const auto middle = [](double b) { return b > 0.2 && b < 0.8; };
       const auto each = [&](const std::pair<std::size_t, std::size_t>& pair, double& product, double& pairs,
                             double& swapped, double& both) {
-        const double a = now[pair.first], b = now[pair.second];
-        const double ra = residual[pair.first], rb = residual[pair.second];
-        if (ra == ra && rb == rb) product += ra * rb, ++pairs;
-        swapped += middle(a) && middle(b) && std::abs(a + b - 1) < 0.3;
-        both += filled[pair.first] * filled[pair.second];
+        const Reading &a = readings[pair.first], &b = readings[pair.second];
+        product += a.residual * b.residual;
+        pairs += a.bright * b.bright;
+        swapped += a.middle * b.middle * static_cast<double>(std::abs(a.now + b.now - 1) < 0.3);
+        both += a.filled * b.filled;
       };
       for (std::size_t k = 0; k < near_.size(); ++k) {
         const double before = near_product, pairs_before = near_pairs;
         each(near_[k], near_product, near_pairs, exchange, occupancy_near);
         if (k < along_rows_) row_product += near_product - before, row_pairs += near_pairs - pairs_before;
         // Light of an occupied site at its empty neighbour.
-        const double a = now[near_[k].first], b = now[near_[k].second];
-        if (a > core_from && b < 0.25) spill += b - site_empty[near_[k].second], ++spill_pairs;
-        if (b > core_from && a < 0.25) spill += a - site_empty[near_[k].first], ++spill_pairs;
+        const Reading &a = readings[near_[k].first], &b = readings[near_[k].second];
+        spill += a.bright * b.above_empty;
+        spill += b.bright * a.above_empty;
+        spill_pairs += a.bright * b.empty + b.bright * a.empty;
       }
       for (const auto& pair : far_) each(pair, far_product, far_pairs, exchange_far, occupancy_far);
     }
@@ -258,10 +268,12 @@ class SiteBrightness : public Family {
           again[lag - 1] += ((b > occupied_above) - filling[s]) * ((then > occupied_above) - filling[s]);
           ++again_pairs[lag - 1];
           if (lag > 1) continue;
-          if (b > core_from && then > core_from)
-            light_again += (b - site_mean[s] - common[n]) * (then - site_mean[s] - common[n - 1]),
-                ++light_pairs;
-          if (b < 0.25 && then > core_from) afterglow += b - site_empty[s], ++afterglow_pairs;
+          const bool is_bright = b > core_from, was_bright = then > core_from, is_empty = b < 0.25;
+          const double light = is_bright ? b - site_mean[s] - common[n] : 0,
+                       light_then = was_bright ? then - site_mean[s] - common[n - 1] : 0,
+                       above_empty = is_empty ? b - site_empty[s] : 0;
+          light_again += light * light_then, light_pairs += is_bright & was_bright;
+          afterglow += above_empty * was_bright, afterglow_pairs += is_empty & was_bright;
         }
       }
     sheet.kind({"lag_correlation", "time", "all sites"});

@@ -13,7 +13,21 @@ namespace {
 
 class StaticMaps : public Family {
  public:
-  explicit StaticMaps(const Layout& layout) : layout_(layout) {}
+  explicit StaticMaps(const Layout& layout) : layout_(layout) {
+    const int rows = layout.shape.rows, columns = layout.shape.columns;
+    for (int r = 0; r < rows; ++r) y_.push_back((2.0 * r + 1) / rows - 1);
+    for (int c = 0; c < columns; ++c) x_.push_back((2.0 * c + 1) / columns - 1);
+    weight_.reserve(layout.shape.pixels());
+    for (int r = 0; r < rows; ++r)
+      for (int c = 0; c < columns; ++c) {
+        const float weight = layout.quiet.at(r, c);
+        weight_.push_back(weight);
+        const double a = static_cast<double>(weight);
+        norm_ += a * a;
+        const auto shapes = shapes_at(r, c);
+        for (std::size_t k = 0; k < shape_count; ++k) shape_norm_[k] += a * a * shapes[k] * shapes[k];
+      }
+  }
 
   void summarise(Part which, const Record& record, Sheet& sheet) const override {
     const double frames = static_cast<double>(record.count(which));
@@ -40,39 +54,38 @@ class StaticMaps : public Family {
   }
 
  private:
+  /// Five shapes of a slope, each by itself: nearly orthogonal on a frame.
+  enum { x1, y1, xx, yy, xy, shape_count };
+  std::array<double, shape_count> shapes_at(int row, int column) const {
+    const double y = y_[static_cast<std::size_t>(row)], x = x_[static_cast<std::size_t>(column)];
+    return {x, y, x * x - 1.0 / 3, y * y - 1.0 / 3, x * y};
+  }
+
   /// `map` [pixel], multiplied by the quiet weight; `sigma`: expected noise of one frame.
   void summarise_map(std::vector<float> map, double frames, double sigma, Sheet& sheet, bool all) const {
     const int rows = layout_.shape.rows, columns = layout_.shape.columns;
     const auto width = static_cast<std::size_t>(columns);
     const bool enough = frames >= 1;
     const auto ok = [&](double value) { return enough ? value : not_a_number; };
-    std::vector<float> weight(map.size());
-    double sum = 0, norm = 0;
+    const std::vector<float>& weight = weight_;
+    const double norm = norm_;
+    double sum = 0;
     std::size_t i = 0;
-    for (int r = 0; r < rows; ++r)
-      for (int c = 0; c < columns; ++c, ++i) {
-        weight[i] = layout_.quiet.at(r, c);
-        sum += static_cast<double>(map[i]) * static_cast<double>(weight[i]);
-        norm += static_cast<double>(weight[i]) * static_cast<double>(weight[i]);
-      }
+    for (; i < map.size(); ++i) sum += static_cast<double>(map[i]) * static_cast<double>(weight[i]);
     const double mean = sum / norm;
     sheet.kind({"mean_map", "space", "whole frame"});
     sheet.put("mean", ok(mean / sigma));
-    // Five shapes, each by itself: nearly orthogonal on a frame.
-    enum { x1, y1, xx, yy, xy };
-    double shape_sum[5] = {}, shape_norm[5] = {};
+    double shape_sum[shape_count] = {};
     i = 0;
     for (int r = 0; r < rows; ++r)
       for (int c = 0; c < columns; ++c, ++i) {
         const double a = static_cast<double>(weight[i]), u = (static_cast<double>(map[i]) - mean * a) * a;
         map[i] = static_cast<float>(static_cast<double>(map[i]) - mean * a);
-        const double y = (2.0 * r + 1) / rows - 1, x = (2.0 * c + 1) / columns - 1;
-        const double shapes[5] = {x, y, x * x - 1.0 / 3, y * y - 1.0 / 3, x * y};
-        for (int k = 0; k < 5; ++k)
-          shape_sum[k] += u * shapes[k], shape_norm[k] += a * a * shapes[k] * shapes[k];
+        const auto shapes = shapes_at(r, c);
+        for (std::size_t k = 0; k < shape_count; ++k) shape_sum[k] += u * shapes[k];
       }
-    double amplitude[5];
-    for (int k = 0; k < 5; ++k) amplitude[k] = shape_sum[k] / shape_norm[k];
+    double amplitude[shape_count];
+    for (std::size_t k = 0; k < shape_count; ++k) amplitude[k] = shape_sum[k] / shape_norm_[k];
     const double scale = sigma / std::sqrt(std::max(frames, 1.0) * norm);  // of an amplitude by noise
     const auto slope = [&](double value) { return ok(std::asinh(value / scale / 4)); };
     sheet.put("gradient_x", slope(amplitude[x1]));
@@ -83,7 +96,7 @@ class StaticMaps : public Family {
     i = 0;
     for (int r = 0; r < rows; ++r)
       for (int c = 0; c < columns; ++c, ++i) {
-        const double y = (2.0 * r + 1) / rows - 1, x = (2.0 * c + 1) / columns - 1;
+        const double y = y_[static_cast<std::size_t>(r)], x = x_[static_cast<std::size_t>(c)];
         map[i] -= weight[i] * static_cast<float>(amplitude[x1] * x + amplitude[y1] * y +
                                                  amplitude[xx] * (x * x - 1.0 / 3) +
                                                  amplitude[yy] * (y * y - 1.0 / 3) + amplitude[xy] * x * y);
@@ -193,6 +206,10 @@ class StaticMaps : public Family {
   }
 
   const Layout& layout_;
+  std::vector<double> y_, x_;  // of rows and columns, from -1 to 1
+  std::vector<float> weight_;  // quiet weight [pixel]
+  double norm_ = 0;            // sum of its squares
+  std::array<double, shape_count> shape_norm_{};
 };
 
 }  // namespace

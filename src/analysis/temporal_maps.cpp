@@ -103,22 +103,23 @@ class TemporalMaps : public Family {
     const double frames = static_cast<double>(sums.frames);
     const std::size_t pixels = layout_.shape.pixels();
     std::vector<float> variance, kurtosis, lag1, lag2, linear;  // logs and correlations, per pixel
-    for (auto* map : {&variance, &kurtosis, &lag1, &lag2, &linear}) map->reserve(pixels);
+    for (auto* map : {&variance, &kurtosis, &lag1, &lag2, &linear}) map->resize(pixels);
     const float n1 = static_cast<float>(frames / std::max(1.0, static_cast<double>(sums.pairs1))),
                 n2 = static_cast<float>(frames / std::max(1.0, static_cast<double>(sums.pairs2)));
     const float inverse = static_cast<float>(1 / std::max(frames, 1.0));
     double still = 0, total_square = 0, total_fourth = 0, total_lag1 = 0, total_lag2 = 0;
+    std::size_t pixel = 0;
     for (int r = 0; r < layout_.shape.rows; ++r)
-      for (int c = 0; c < layout_.shape.columns; ++c) {
+      for (int c = 0; c < layout_.shape.columns; ++c, ++pixel) {
         const float s = sums.square.at(r, c), floor = 1e-9f;
         still += s <= 0;
         const float safe = std::max(s, floor);
-        variance.push_back(safe * inverse);
-        kurtosis.push_back(sums.fourth.at(r, c) / (safe * safe) * static_cast<float>(frames));
-        lag1.push_back(sums.lag1.at(r, c) / safe * n1);
-        lag2.push_back(sums.lag2.at(r, c) / safe * n2);
+        variance[pixel] = safe * inverse;
+        kurtosis[pixel] = sums.fourth.at(r, c) / (safe * safe) * static_cast<float>(frames);
+        lag1[pixel] = sums.lag1.at(r, c) / safe * n1;
+        lag2[pixel] = sums.lag2.at(r, c) / safe * n2;
         const float w = layout_.inverse_scale.at(r, c);
-        linear.push_back(sums.linear.at(r, c) * inverse * w * w);
+        linear[pixel] = sums.linear.at(r, c) * inverse * w * w;
         total_square += static_cast<double>(s);
         total_fourth += static_cast<double>(sums.fourth.at(r, c));
         total_lag1 += static_cast<double>(sums.lag1.at(r, c));

@@ -27,12 +27,16 @@ struct Events {
 ATOMCAM_VECTOR_CLONES
 void find_events(std::size_t n, const float* scaled, const float* threshold, std::size_t most,
                  std::vector<std::uint32_t>& events) {
-  for (std::size_t i = 0; i < n; i += lane_count) {
-    const IntLanes any = load(scaled + i) > load(threshold + i);
+  // Events are rare: one look at a block's lanes together.
+  constexpr std::size_t block = 4 * lane_count;
+  for (std::size_t begin = 0; begin < n; begin += block) {
+    const std::size_t end = ATOMCAM_SMALLER(begin + block, n);
+    IntLanes any{};
+    for (std::size_t i = begin; i < end; i += lane_count) any |= load(scaled + i) > load(threshold + i);
     std::int64_t words[8];
     std::memcpy(words, &any, sizeof words);
     if (!(words[0] | words[1] | words[2] | words[3] | words[4] | words[5] | words[6] | words[7])) continue;
-    for (std::size_t k = i; k < i + lane_count; ++k)
+    for (std::size_t k = begin; k < end; ++k)
       if (scaled[k] > threshold[k] && events.size() < most) events.push_back(static_cast<std::uint32_t>(k));
   }
 }

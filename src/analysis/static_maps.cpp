@@ -179,12 +179,16 @@ class StaticMaps : public Family {
     // Two amplifiers: steps between halves on top of the slopes, and their noise.
     double quarter[2][2] = {}, quarter_square[2][2] = {};
     i = 0;
-    for (int r = 0; r < rows; ++r)
+    for (int r = 0; r < rows; ++r) {
+      double left = 0, right = 0, left_square = 0, right_square = 0;
       for (int c = 0; c < columns; ++c, ++i) {
-        quarter[2 * r >= rows][2 * c >= columns] += static_cast<double>(map[i]);
-        quarter_square[2 * r >= rows][2 * c >= columns] +=
-            static_cast<double>(map[i]) * static_cast<double>(map[i]);
+        const double v = static_cast<double>(map[i]);
+        (2 * c >= columns ? right : left) += v;
+        (2 * c >= columns ? right_square : left_square) += v * v;
       }
+      quarter[2 * r >= rows][0] += left, quarter[2 * r >= rows][1] += right;
+      quarter_square[2 * r >= rows][0] += left_square, quarter_square[2 * r >= rows][1] += right_square;
+    }
     const double root = 4 * std::sqrt(static_cast<double>(map.size()));
     sheet.put("left_right",
               ok(std::asinh((quarter[0][0] + quarter[1][0] - quarter[0][1] - quarter[1][1]) / root)));

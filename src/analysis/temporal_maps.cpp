@@ -138,7 +138,8 @@ class TemporalMaps : public Family {
     std::vector<double> rows(static_cast<std::size_t>(layout_.shape.rows)),
         columns(static_cast<std::size_t>(layout_.shape.columns));
     double gx = 0, gy = 0, norm_x = 0, norm_y = 0, radial = 0, norm_radial = 0;
-    for (int r = 0; r < layout_.shape.rows; ++r)
+    for (int r = 0; r < layout_.shape.rows; ++r) {
+      double left = 0, right = 0;
       for (int c = 0; c < layout_.shape.columns; ++c) {
         const auto i = static_cast<std::size_t>(r) * static_cast<std::size_t>(layout_.shape.columns) +
                        static_cast<std::size_t>(c);
@@ -148,8 +149,11 @@ class TemporalMaps : public Family {
         const double q = x * x + y * y - 2.0 / 3;
         gx += d * x, norm_x += x * x, gy += d * y, norm_y += y * y, radial += d * q, norm_radial += q * q;
         rows[static_cast<std::size_t>(r)] += d, columns[static_cast<std::size_t>(c)] += d;
-        quarter[2 * r >= layout_.shape.rows][2 * c >= layout_.shape.columns] += d;
+        (2 * c >= layout_.shape.columns ? right : left) += d;
       }
+      quarter[2 * r >= layout_.shape.rows][0] += left;
+      quarter[2 * r >= layout_.shape.rows][1] += right;
+    }
     for (const double d : rows) row_square += d * d;
     for (const double d : columns) column_square += d * d;
     double own = 0;

@@ -8,6 +8,7 @@
 
 #include "base/error.hpp"
 #include "diagnosis/diagnosis.hpp"
+#include "diagnosis/fit.hpp"
 #include "diagnosis/model.hpp"
 #include "diagnosis/scan.hpp"
 #include "diagnosis/stages.hpp"
@@ -18,9 +19,16 @@ namespace {
 constexpr double gap_level = 0.005;     // false alarms of the plain model
 constexpr double reject_level = 0.005;  // a fitted model below it is not the explanation
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
+constexpr double like_own = 1.1;        // distance at which a fit is about as near as the model's own stacks
 
 Eigen::VectorXd row_of(const std::vector<double>& values) {
   return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
+/// Deviations of one model in units of another's; 0 where that one has none.
+Eigen::VectorXd ratio_of(const Standard& model, const Standard& unit) {
+  return (unit.deviation().array() > 0)
+      .select(model.deviation().array() / unit.deviation().array().max(1e-300), 0.0);
 }
 
 /// The stack numbers of one population are far from those of all others.
@@ -87,7 +95,7 @@ class Diagnoser {
     // The calibration's own bias is taken out first: simulated stacks shall calibrate as the real one did.
     recalibrate(plain_, real_stack(), plan_, numbers_.next());
     fit_centres(plain_, 80, "plain model", 0.04, 0.08);
-    atomcam::judge(plain_, real_, null_stacks_, plan_, numbers_.next(), {},
+    atomcam::judge(plain_, real_, null_stacks_, plan_, numbers_.next(), nullptr,
                    part("plain model", 0.08, 0.25, null_stacks_));
     result_.p_gap = plain_.p_value;
     result_.p_after = plain_.p_value;
@@ -101,7 +109,7 @@ class Diagnoser {
     for (std::size_t k = 0; k < model.open.size(); ++k) {
       Uncertain& one = model.open[k];
       one.centre +=
-          std::clamp(estimate(static_cast<Eigen::Index>(k)) - one.centre, -4 * one.width, 4 * one.width);
+          std::clamp(estimate(static_cast<Eigen::Index>(k)) - one.centre, -1.5 * one.width, 1.5 * one.width);
       one.lowest = one.centre - 5 * one.width;
       one.highest = one.centre + 5 * one.width;
     }
@@ -117,7 +125,7 @@ class Diagnoser {
     return list;
   }
 
-  std::vector<Scan> scan(const Model& before, int stacks, double from, double to) {
+  std::vector<Scan> scan(const Model& before, double from, double to) {
     std::vector<Scan> scans;
     const auto list = candidates(before, excluded());
     for (std::size_t k = 0; k < list.size(); ++k) {
@@ -125,6 +133,7 @@ class Diagnoser {
       one.effect = list[k];
       const double a = from + (to - from) * static_cast<double>(k) / static_cast<double>(list.size());
       const double b = from + (to - from) * static_cast<double>(k + 1) / static_cast<double>(list.size());
+      const int stacks = 12 + 3 * static_cast<int>(one.effect->parameters.size());
       explore(one, before, stacks, plan_, numbers_.next(), part(one.effect->name, a, b, stacks));
       match(one, before, before.z);
       scans.push_back(std::move(one));
@@ -148,12 +157,68 @@ class Diagnoser {
     for (std::size_t k = 0; k < scan.open.size(); ++k) {
       Uncertain one = scan.open[k];
       one.centre = scan.best(static_cast<Eigen::Index>(k));
-      one.width = std::clamp(scan.width(static_cast<Eigen::Index>(k)), 0.01 * (one.highest - one.lowest),
-                             0.06 * (one.highest - one.lowest));
+      one.width = std::clamp(scan.width(static_cast<Eigen::Index>(k)), 0.03 * (one.highest - one.lowest),
+                             0.08 * (one.highest - one.lowest));
       model.open.push_back(std::move(one));
     }
     return model;
   }
+
+  /// A model that may be the explanation, and how promising it looked.
+  struct Contender {
+    Model model;
+    double evidence = 0;
+  };
+
+  /// A few rounds for all, more for those that come near; the nearest are judged.
+  std::vector<Model> fit_and_judge(std::vector<Contender> contenders, double from, double to) {
+    constexpr int first_rounds = 3, more_rounds = 8, stacks = 90;
+    const auto at = [&](double part) { return from + part * (to - from); };
+    const auto count = static_cast<double>(contenders.size());
+    for (std::size_t k = 0; k < contenders.size(); ++k) {
+      tell(title(contenders[k].model), at(0.4 * static_cast<double>(k) / count));
+      contenders[k].model.distance =
+          fit(contenders[k].model, {&plain_, real_stack()}, first_rounds, plan_, numbers_.next());
+    }
+    const auto nearer = [](const Contender& a, const Contender& b) {
+      return a.model.distance < b.model.distance;
+    };
+    std::sort(contenders.begin(), contenders.end(), nearer);
+    if (contenders.size() > 3) contenders.resize(3);
+    while (contenders.size() > 1 &&
+           contenders.back().model.distance > std::max(2.0, 2 * contenders.front().model.distance))
+      contenders.pop_back();
+    for (std::size_t k = 0; k < contenders.size(); ++k) {
+      tell(title(contenders[k].model), at(0.4 + 0.1 * static_cast<double>(k)));
+      contenders[k].model.distance =
+          fit(contenders[k].model, {&plain_, real_stack()}, more_rounds, plan_, numbers_.next());
+    }
+    std::sort(contenders.begin(), contenders.end(), nearer);
+    if (!contenders.empty() && contenders.front().model.distance > like_own &&
+        contenders.front().model.distance < 3)
+      contenders.front().model.distance = std::min(
+          contenders.front().model.distance,
+          fit(contenders.front().model, {&plain_, real_stack()}, more_rounds, plan_, numbers_.next()));
+    while (contenders.size() > 1 &&
+           contenders.back().model.distance > std::max(1.5, 1.5 * contenders.front().model.distance))
+      contenders.pop_back();
+    std::vector<Model> judged;
+    for (std::size_t k = 0; k < contenders.size(); ++k) {
+      Model& model = contenders[k].model;
+      recalibrate(model, real_stack(), plan_, numbers_.next());
+      // A point-spread function per site leaves no time for many optical systems.
+      if (std::find(model.effects.begin(), model.effects.end(), "field_tilt_defocus") != model.effects.end())
+        for (Uncertain& one : model.open)
+          if (one.shared) one.width = 0;
+      atomcam::judge(model, real_, stacks, plan_, numbers_.next(), &plain_,
+                     part(title(model), at(0.7 + 0.1 * static_cast<double>(k)),
+                          at(0.8 + 0.1 * static_cast<double>(k)), stacks));
+      note(model, contenders[k].evidence);
+      judged.push_back(std::move(model));
+    }
+    return judged;
+  }
+  static std::string title(const Model& model) { return fmt::format("{}", fmt::join(model.effects, " + ")); }
 
   RealStack real_stack() const { return {&real_, &result_.calibration, &notes_}; }
 
@@ -161,8 +226,7 @@ class Diagnoser {
 
   /// Closed fraction over all frames, in units of the plain model's deviations.
   double closed_by(const Model& model) const {
-    const Eigen::VectorXd ratio =
-        model.standard->deviation().cwiseQuotient(plain_.standard->deviation().cwiseMax(1e-12));
+    const Eigen::VectorXd ratio = ratio_of(*model.standard, *plain_.standard);
     const double after = gap_of(model.z.cwiseProduct(ratio));
     std::vector<double> floors;
     for (Eigen::Index n = 0; n < model.standard->own().rows(); ++n)
@@ -189,20 +253,13 @@ class Diagnoser {
   }
 
   void explain() {
-    std::vector<Scan> scans = scan(plain_, 18, 0.25, 0.5);
-    // A second look at the more promising ones.
-    const std::size_t second = std::min<std::size_t>(6, scans.size());
-    for (std::size_t k = 0; k < second; ++k) {
-      explore(scans[k], plain_, 12, plan_, numbers_.next(),
-              part(scans[k].effect->name, 0.5 + 0.01 * static_cast<double>(k),
-                   0.51 + 0.01 * static_cast<double>(k), 16));
-      match(scans[k], plain_, plain_.z);
-    }
-    sort(scans);
-    // Closer looks at the leaders: their parameters must be near before they are fitted.
-    for (int look = 0; look < 2; ++look) {
-      for (std::size_t k = 0; k < std::min<std::size_t>(3, scans.size()); ++k) {
-        explore(scans[k], plain_, 14, plan_, numbers_.next(), part(scans[k].effect->name, 0.56, 0.58, 14));
+    std::vector<Scan> scans = scan(plain_, 0.25, 0.5);
+    // Closer and closer looks at fewer and fewer.
+    double done = 0.5;
+    for (const std::size_t leaders : {8u, 6u, 5u, 4u}) {
+      for (std::size_t k = 0; k < std::min(leaders, scans.size()); ++k, done += 0.0035) {
+        explore(scans[k], plain_, 8, plan_, numbers_.next(),
+                part(scans[k].effect->name, done, done + 0.0035, 8));
         match(scans[k], plain_, plain_.z);
       }
       sort(scans);
@@ -213,19 +270,12 @@ class Diagnoser {
       seen.log_evidence = one.log_likelihood;
       result_.hypotheses.push_back(std::move(seen));
     }
-    std::vector<Model> singles;
-    for (std::size_t k = 0; k < std::min<std::size_t>(3, scans.size()); ++k) {
-      if (scans[k].log_likelihood < 3 && k > 0) break;
-      if (k > 0 &&
-          scans[k].log_likelihood < scans[0].log_likelihood - std::max(60.0, 0.3 * scans[0].log_likelihood))
-        break;
-      Model model = with(plain_, scans[k]);
-      fit_and_judge(model, real_stack(), 5, 90, plan_, numbers_.next(),
-                    part(scans[k].effect->name, 0.58 + 0.05 * static_cast<double>(k),
-                         0.63 + 0.05 * static_cast<double>(k), 120));
-      note(model, scans[k].log_likelihood);
-      singles.push_back(std::move(model));
+    std::vector<Contender> contenders;
+    for (std::size_t k = 0; k < std::min<std::size_t>(6, scans.size()); ++k) {
+      if (k > 1 && scans[k].log_likelihood < 0.4 * scans[0].log_likelihood - 20) break;
+      contenders.push_back({with(plain_, scans[k]), scans[k].log_likelihood});
     }
+    std::vector<Model> singles = fit_and_judge(std::move(contenders), 0.58, 0.8);
     if (choose(singles)) return;
     // Pairs: those whose fingerprints add up best to the real one, then really simulated.
     if (singles.empty()) return nearest({});
@@ -233,8 +283,8 @@ class Diagnoser {
         std::max_element(singles.begin(), singles.end(),
                          [](const Model& a, const Model& b) { return a.log_likelihood < b.log_likelihood; });
     const std::vector<PairMatch> matches = match_pairs(scans, 4, plain_.z, plan_.threads);
-    std::vector<Model> pairs;
-    for (std::size_t k = 0; k < std::min<std::size_t>(3, matches.size()); ++k) {
+    std::vector<Contender> candidates;
+    for (std::size_t k = 0; k < std::min<std::size_t>(4, matches.size()); ++k) {
       const PairMatch& match = matches[k];
       // A second effect must speak for itself: many others could soak up a little of what the first leaves.
       if (match.gain < second_evidence) continue;
@@ -247,17 +297,15 @@ class Diagnoser {
       two.open = scans[match.second].open;
       two.best = match.best_second;
       two.width = scans[match.second].width;
-      Model model = with(with(plain_, one), two);
-      fit_and_judge(model, real_stack(), 5, 90, plan_, numbers_.next(),
-                    part(one.effect->name + " + " + two.effect->name, 0.8 + 0.05 * static_cast<double>(k),
-                         0.85 + 0.05 * static_cast<double>(k), 90));
-      note(model, match.gain);
+      candidates.push_back({with(with(plain_, one), two), match.gain});
+    }
+    std::vector<Model> pairs;
+    for (Model& model : fit_and_judge(std::move(candidates), 0.8, 1)) {
       if (!all_significant(model)) continue;
       // The pair must leave much less than the better of the two alone, in its own standard deviations.
       const bool better = model.gap - model.floor < 0.3 * (left_alone->gap - left_alone->floor) &&
                           model.log_likelihood > left_alone->log_likelihood + 2 * second_evidence;
       if (model.p_value >= reject_level || better) pairs.push_back(std::move(model));
-      if (!pairs.empty() && pairs.back().p_value >= reject_level) break;
     }
     if (choose(pairs)) return;
     std::vector<Model> all;
@@ -279,11 +327,17 @@ class Diagnoser {
     return true;
   }
 
+  /// Nothing is left that the model does not have, or as little of a large gap as somebody's camera and the
+  /// catalogue's model of its effect may well differ.
+  bool passes(const Model& model) const {
+    return model.p_value >= reject_level || (model.distance < like_own && closed_by(model) > 0.85);
+  }
+
   /// Models that pass: one by far the likeliest, or several that the data cannot tell apart.
   bool choose(std::vector<Model>& models) {
     std::vector<Model*> passed;
     for (Model& model : models)
-      if (model.p_value >= reject_level) passed.push_back(&model);
+      if (passes(model)) passed.push_back(&model);
     if (passed.empty()) return false;
     std::sort(passed.begin(), passed.end(),
               [](const Model* a, const Model* b) { return log_odds(*a) > log_odds(*b); });
@@ -366,7 +420,7 @@ class Diagnoser {
     Eigen::VectorXd values(static_cast<Eigen::Index>(known.size()));
     for (std::size_t k = 0; k < known.size(); ++k) values(static_cast<Eigen::Index>(k)) = fitted(known[k]);
     const Standard after(final_.population, Part::held_out, known);
-    const Eigen::VectorXd ratio = after.deviation().cwiseQuotient(before.deviation().cwiseMax(1e-12));
+    const Eigen::VectorXd ratio = ratio_of(after, before);
     gap.after = gap_of(after.judge(held_out, values).cwiseProduct(ratio));
     floors.clear();
     for (Eigen::Index n = 0; n < after.own().rows(); ++n)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "base/error.hpp"
 #include "simulation/parallel.hpp"
@@ -32,16 +33,57 @@ Lab Model::fitted_lab() const {
   return fitted;
 }
 
+Eigen::VectorXd optical_detail(const Eigen::VectorXd& deviation, const StackPlan& plan) {
+  constexpr double at_300_frames = 1.5;
+  const double part = at_300_frames * std::sqrt(std::max(1.0, static_cast<double>(plan.frames) / 300));
+  const auto declarations = battery(plan.model, plan.dark_frames > 0);
+  Eigen::VectorXd detail = Eigen::VectorXd::Zero(deviation.size());
+  for (Eigen::Index i = 0; i < detail.size(); ++i)
+    if (declarations[static_cast<std::size_t>(i)].observable.starts_with("point_spread"))
+      detail(i) = part * deviation(i);
+  return detail;
+}
+
+Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& real, const StackPlan& plan) {
+  constexpr double of_itself = 0.04, of_its_kind = 0.02;
+  const auto declarations = battery(plan.model, plan.dark_frames > 0);
+  const Eigen::VectorXd& unit = plain.standard->deviation();
+  const Eigen::VectorXd off = (row_of(real.whole) - plain.standard->middle()).cwiseAbs();
+  const auto deviations = [&](Eigen::Index i) {
+    return unit(i) > 0 && std::isfinite(off(i)) ? off(i) / unit(i) : 0;
+  };
+  std::map<std::pair<std::string, bool>, double> largest;
+  for (Eigen::Index i = 0; i < off.size(); ++i) {
+    const StatisticDeclaration& one = declarations[static_cast<std::size_t>(i)];
+    double& most = largest[{one.observable, one.darks}];
+    most = std::max(most, deviations(i));
+  }
+  Eigen::VectorXd allowed(off.size());
+  for (Eigen::Index i = 0; i < off.size(); ++i) {
+    const StatisticDeclaration& one = declarations[static_cast<std::size_t>(i)];
+    allowed(i) =
+        unit(i) * std::hypot(of_itself * deviations(i), of_its_kind * largest[{one.observable, one.darks}]);
+  }
+  return allowed;
+}
+
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,
-           const Eigen::MatrixXd& directions, const std::function<void(int)>& progress) {
+           const Model* plain, const std::function<void(int)>& progress) {
   model.population = simulate_population(model.lab, model.open, stacks, plan, first, nullptr, progress);
-  model.standard = std::make_unique<Standard>(model.population, Part::whole);
-  model.test = std::make_unique<OmnibusTest>(*model.standard, directions);
   const Eigen::VectorXd statistics = row_of(real.whole);
+  Eigen::VectorXd discrepancy;
+  if (plain)
+    discrepancy = allowed_discrepancy(*plain, real, plan);
+  else
+    discrepancy = optical_detail(Standard(model.population, Part::whole).deviation(), plan);
+  model.standard = std::make_unique<Standard>(model.population, Part::whole, std::vector<Eigen::Index>{},
+                                              std::move(discrepancy));
+  model.test = std::make_unique<OmnibusTest>(*model.standard);
   model.z = model.standard->judge(statistics);
   model.estimate = model.standard->estimate(statistics);
   model.error = model.standard->estimate_error();
-  model.p_value = model.test->p_value(model.z);
+  const Eigen::VectorXd tolerated = model.standard->tolerated(model.z);
+  model.p_value = model.test->p_value(tolerated);
   model.gap = gap_of(model.z);
   std::vector<double> gaps;
   for (Eigen::Index n = 0; n < model.standard->own().rows(); ++n)
@@ -49,7 +91,7 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   model.floor = median(gaps);
   const Correlation correlation(model.standard->own());
   const auto solver = correlation.matrix.ldlt();
-  const Eigen::VectorXd y = compressed(model.z);
+  const Eigen::VectorXd y = compressed(tolerated);
   model.log_likelihood = -0.5 * y.dot(solver.solve(y)) -
                          0.5 * solver.vectorD().array().max(1e-12).log().sum() -
                          (model.standard->deviation().array() > 0)
@@ -83,51 +125,16 @@ void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std
     for (const auto& calibration : found)
       if (calibration) sum += one.offset(*real.calibration, *calibration), count += 1;
     if (count == 0) continue;
-    one.centre += sum / count;
+    double shift = sum / count;
+    const double ratio = one.pull == 0 ? 0 : shift / one.pull;
+    one.pull = shift;
+    // Calibration may answer weakly to a parameter: steps that keep their sign are summed up at once
+    // (Aitken).
+    if (std::fabs(shift) > 2 * one.width && ratio > 0) shift /= 1 - std::min(ratio, 0.67);
+    one.centre += shift;
     one.lowest = one.centre - 5 * one.width;
     one.highest = one.centre + 5 * one.width;
   }
-}
-
-void fit_and_judge(Model& model, const RealStack& real, int rounds, int stacks, const StackPlan& plan,
-                   std::uint64_t first, const std::function<void(int)>& progress) {
-  const Eigen::VectorXd statistics = row_of(real.values->whole);
-  const int each = std::max(40, static_cast<int>(model.open.size()) + 20);
-  // An effect that makes a point-spread function per site leaves no time for many optical systems.
-  const bool one_system =
-      std::find(model.effects.begin(), model.effects.end(), "field_tilt_defocus") != model.effects.end();
-  if (one_system)
-    for (Uncertain& one : model.open)
-      if (one.shared) one.width = 0;
-  for (int round = 0; round < rounds; ++round) {
-    const std::uint64_t number = first + static_cast<std::uint64_t>(round) * 10000;
-    recalibrate(model, real, plan, number + 5000);
-    model.population = simulate_population(model.lab, model.open, each, plan, number, nullptr, progress);
-    const Standard standard(model.population, Part::whole);
-    const Eigen::VectorXd estimate = standard.estimate(statistics);
-    bool settled = true;
-    for (std::size_t k = 0; k < model.open.size(); ++k) {
-      Uncertain& one = model.open[k];
-      const auto at = static_cast<Eigen::Index>(k);
-      const bool of_effect = at >= model.first_effect_parameter;
-      if (one.width <= 0) continue;
-      // Far steps are not linear: at most some widths at a time.
-      const double most = (of_effect ? 3.0 : 4.0) * one.width;
-      double moved = one.centre + std::clamp(estimate(at) - one.centre, -most, most);
-      if (of_effect && std::fabs(estimate(at) - one.centre) > one.width) settled = false;
-      if (one.cycle > 0)
-        moved -= one.cycle * std::floor((moved - one.lowest) / one.cycle);
-      else if (of_effect)
-        moved = std::clamp(moved, one.lowest, one.highest);
-      one.centre = moved;
-      if (!of_effect) one.lowest = moved - 5 * one.width, one.highest = moved + 5 * one.width;
-      if (of_effect && round >= 1)
-        one.width = std::clamp(1.5 * standard.estimate_error()(at), 0.4 * one.width, one.width);
-    }
-    if (settled && round >= 1) break;
-  }
-  recalibrate(model, real, plan, first + 800000);
-  judge(model, *real.values, stacks, plan, first + 900000, {}, progress);
 }
 
 }  // namespace atomcam

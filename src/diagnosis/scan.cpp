@@ -29,6 +29,32 @@ Eigen::MatrixXd spread_draws(const std::vector<Uncertain>& open, int stacks, std
   return draws;
 }
 
+/// About the emulator's best place and, in turn, about the stacks that really came nearest: an emulator that
+/// is wrong must not keep the search where it is.
+Eigen::MatrixXd near_draws(const Scan& scan, int stacks, std::uint64_t seed, std::uint64_t first) {
+  constexpr std::size_t nearest = 3;
+  std::vector<Eigen::Index> order(static_cast<std::size_t>(scan.miss.size()));
+  for (std::size_t n = 0; n < order.size(); ++n) order[n] = static_cast<Eigen::Index>(n);
+  std::sort(order.begin(), order.end(),
+            [&](Eigen::Index a, Eigen::Index b) { return scan.miss(a) < scan.miss(b); });
+  // Kernels shrink as stacks fill the space: by their number per dimension.
+  const double share =
+      0.6 / std::pow(static_cast<double>(scan.draws.rows()), 1 / static_cast<double>(scan.open.size() + 0.5));
+  Eigen::MatrixXd draws(stacks, static_cast<Eigen::Index>(scan.open.size()));
+  for (int n = 0; n < stacks; ++n) {
+    const bool emulated = n % 2 == 0;
+    const auto about = static_cast<std::size_t>(n / 2) % std::min(nearest, order.size());
+    std::vector<Uncertain> near = scan.open;
+    for (std::size_t k = 0; k < near.size(); ++k) {
+      const auto at = static_cast<Eigen::Index>(k);
+      near[k].centre = emulated ? scan.best(at) : scan.draws(order[about], at);
+      near[k].width = emulated ? scan.width(at) : share * (near[k].highest - near[k].lowest);
+    }
+    draws.row(n) = draw_parameters(near, 1, seed + 17, first + static_cast<std::uint64_t>(n)).row(0);
+  }
+  return draws;
+}
+
 }  // namespace
 
 std::vector<const EffectDeclaration*> candidates(const Model& before,
@@ -56,12 +82,7 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
   if (!scan.emulator) {
     own = spread_draws(scan.open, stacks, plan.seed, first);
   } else {
-    std::vector<Uncertain> near = scan.open;
-    for (std::size_t k = 0; k < near.size(); ++k) {
-      near[k].centre = scan.best(static_cast<Eigen::Index>(k));
-      near[k].width = scan.width(static_cast<Eigen::Index>(k));
-    }
-    own = draw_parameters(near, stacks, plan.seed + 17, first);
+    own = near_draws(scan, stacks, plan.seed, first);
   }
   // The model's own open parameters stay at their centres where making them costs much, else they are drawn.
   std::vector<Uncertain> all = before.open;
@@ -85,33 +106,17 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
 
 void match(Scan& scan, const Model& before, const Eigen::VectorXd& z) {
   const Eigen::VectorXd real = compressed(z);
+  scan.miss = (scan.values.rowwise() - real.transpose()).rowwise().squaredNorm();
   const Correlation correlation(before.standard->own());
   const auto dimension = static_cast<Eigen::Index>(scan.open.size());
-  // Scatter of the stacks about the emulator beyond the model's own, where the effect is on.
-  Eigen::VectorXd extra = Eigen::VectorXd::Zero(real.size());
-  for (Eigen::Index n = 0; n < scan.draws.rows(); ++n) {
-    const auto prediction = (*scan.emulator)(scan.draws.row(n).transpose());
-    extra.array() += (scan.values.row(n).transpose() - prediction.mean).array().square() /
-                     static_cast<double>(scan.draws.rows());
-  }
-  extra = (extra.array() * 1.5 - 1).max(0.0).matrix();
-  scan.extra = extra;
-  Eigen::MatrixXd covariance = correlation.matrix;
-  covariance.diagonal() += extra;
   const Eigen::MatrixXd inverse =
-      covariance.ldlt().solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
-  const double log_determinant = covariance.ldlt().vectorD().array().max(1e-12).log().sum();
-  const auto plain_solver = correlation.matrix.ldlt();
-  const double before_log =
-      -0.5 * real.dot(plain_solver.solve(real)) - 0.5 * plain_solver.vectorD().array().max(1e-12).log().sum();
+      correlation.matrix.ldlt().solve(Eigen::MatrixXd::Identity(real.size(), real.size()));
+  const double before_log = -0.5 * real.dot(inverse * real);
+  // Expected, as the emulator knows it: what it does not know speaks against a place, never for it.
   const auto evidence = [&](const Eigen::VectorXd& at) {
     const auto prediction = (*scan.emulator)(at);
-    // What the emulator does not know counts as scatter; to first order only, so that the inverse serves all.
-    const Eigen::VectorXd miss =
-        (real - prediction.mean)
-            .cwiseQuotient((1 + prediction.variance.array() / (1 + extra.array())).sqrt().matrix());
-    return -0.5 * miss.dot(inverse * miss) - 0.5 * log_determinant -
-           0.5 * (prediction.variance.array() / (1 + extra.array())).log1p().sum();
+    const Eigen::VectorXd miss = real - prediction.mean;
+    return -0.5 * miss.dot(inverse * miss) - 0.5 * inverse.diagonal().dot(prediction.variance);
   };
   std::vector<std::pair<double, Eigen::VectorXd>> tried;
   const auto attempt = [&](const Eigen::VectorXd& at) { tried.emplace_back(evidence(at), at); };
@@ -171,11 +176,10 @@ void match(Scan& scan, const Model& before, const Eigen::VectorXd& z) {
 
 namespace {
 
-/// Logarithmic likelihood of independent statistics.
+/// Expected logarithmic likelihood of independent statistics that are known with a variance.
 double independent(const Eigen::VectorXd& real, const Eigen::VectorXd& mean,
                    const Eigen::VectorXd& variance) {
-  const Eigen::ArrayXd wide = 1 + variance.array();
-  return -0.5 * ((real - mean).array().square() / wide).sum() - 0.5 * wide.log().sum();
+  return -0.5 * (real - mean).squaredNorm() - 0.5 * variance.sum();
 }
 Eigen::VectorXd expanded(const Eigen::VectorXd& y) {
   return y.unaryExpr([](double v) { return 2 * std::sinh(v / 2); });
@@ -188,7 +192,7 @@ std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t l
   const Eigen::VectorXd real = compressed(z);
   const auto alone = [&](const Scan& scan) {
     const auto prediction = (*scan.emulator)(scan.best);
-    return independent(real, prediction.mean, prediction.variance + scan.extra);
+    return independent(real, prediction.mean, prediction.variance);
   };
   std::vector<PairMatch> pairs;
   for (std::size_t a = 0; a < std::min(leaders, scans.size()); ++a)
@@ -203,7 +207,7 @@ std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t l
     const auto evidence = [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
       const auto first = (*one.emulator)(a), second = (*two.emulator)(b);
       return independent(real, compressed(expanded(first.mean) + expanded(second.mean)),
-                         first.variance + second.variance + one.extra + two.extra);
+                         first.variance + second.variance);
     };
     const auto moved = [&](const Scan& scan, Eigen::VectorXd at, double step) {
       for (Eigen::Index k = 0; k < at.size(); ++k) {

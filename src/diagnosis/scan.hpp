@@ -16,10 +16,10 @@ struct Scan {
   const EffectDeclaration* effect = nullptr;
   std::vector<Uncertain> open;    // the effect's parameters
   Eigen::MatrixXd draws, values;  // of the effect's parameters; compressed z under the model before
+  Eigen::VectorXd miss;           // squared distance of each stack from the real one
   std::unique_ptr<Emulator> emulator;
   Eigen::VectorXd best, width;  // coordinates
   Eigen::VectorXd predicted;    // compressed z at the best parameters
-  Eigen::VectorXd extra;        // variance of the stacks about the emulator beyond the model's own
   double log_likelihood = 0;    // relative to that of the model before: the evidence for the effect
 };
 

@@ -8,6 +8,9 @@ namespace {
 
 constexpr double winsor = 5;         // residuals count at most this many deviations in the estimates
 constexpr double prior_widths = 10;  // of a parameter, in widths of its draws
+// No parameter is farther off, in widths: calibration has seen to that. An effect must not be taken for a
+// calibration that is hopelessly wrong.
+constexpr double known_to = 3;
 constexpr int folds = 10;
 constexpr double largest_z = 1e4;
 constexpr double ordinary = 4;  // deviations that a model's own stacks have now and then
@@ -84,7 +87,11 @@ Standard::Fit Standard::fit(const Eigen::MatrixXd& statistics, const Eigen::Matr
   Eigen::MatrixXd covariance =
       rest.transpose() * rest * (keep / static_cast<double>(std::max<Eigen::Index>(1, n)));
   const Eigen::VectorXd own_variance = covariance.diagonal() / keep;
-  for (Eigen::Index i = 0; i < p; ++i) covariance(i, i) = std::max(own_variance(i), 0.05);
+  for (Eigen::Index i = 0; i < p; ++i) {
+    covariance(i, i) = std::max(own_variance(i), 0.05);
+    if (discrepancy_.size() && fit.spread(i) > 0)
+      covariance(i, i) += std::pow(std::min(largest_z, discrepancy_(i) / fit.spread(i)), 2);
+  }
   // delta = (J^T C^-1 J + W^-1)^-1 J^T C^-1 z
   const Eigen::MatrixXd weighted = covariance.ldlt().solve(fit.slope);  // C^-1 J
   Eigen::MatrixXd information = fit.slope.transpose() * weighted;
@@ -115,13 +122,15 @@ Eigen::VectorXd Standard::deltas(const Fit& fit, const Eigen::VectorXd& z,
   for (int round = 0; round < 5; ++round) {
     const Eigen::VectorXd rest = z - fit.slope * delta;
     delta += fit.estimator * rest.cwiseMax(-winsor).cwiseMin(winsor);
+    delta = delta.cwiseMax(-known_to).cwiseMin(known_to);
     put_known();
   }
   return delta;
 }
 
-Standard::Standard(const Population& population, Part part, std::vector<Eigen::Index> known)
-    : known_(std::move(known)) {
+Standard::Standard(const Population& population, Part part, std::vector<Eigen::Index> known,
+                   Eigen::VectorXd discrepancy)
+    : known_(std::move(known)), discrepancy_(std::move(discrepancy)) {
   const Eigen::MatrixXd& statistics = values_of(population, part);
   const Eigen::Index n = statistics.rows(), p = statistics.cols(), m = population.draws.cols();
   fit_ = fit(statistics, population.draws);
@@ -198,6 +207,21 @@ Eigen::VectorXd Standard::judge(const Eigen::VectorXd& statistics,
                   : 0;
   }
   return rest;
+}
+
+Eigen::VectorXd Standard::tolerated(const Eigen::VectorXd& z) const {
+  if (discrepancy_.size() == 0) return z;
+  Eigen::VectorXd out = z;
+  for (Eigen::Index i = 0; i < z.size(); ++i)
+    if (deviation_(i) > 0) out(i) *= deviation_(i) / std::hypot(deviation_(i), discrepancy_(i));
+  return out;
+}
+
+Eigen::MatrixXd Standard::slopes() const {
+  Eigen::MatrixXd slopes = fit_.spread.asDiagonal() * fit_.slope;
+  for (Eigen::Index j = 0; j < slopes.cols(); ++j)
+    slopes.col(j) *= fit_.draw_spread(j) > 0 ? 1 / fit_.draw_spread(j) : 0;
+  return slopes;
 }
 
 Eigen::VectorXd Standard::estimate(const Eigen::VectorXd& statistics) const {

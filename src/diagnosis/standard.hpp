@@ -18,19 +18,28 @@ const Eigen::MatrixXd& values_of(const Population& population, Part part);
 /// fits it best (generalised least squares, statistics that do not fit being given less weight) is taken off.
 class Standard {
  public:
-  /// `known`: columns of the draws whose value judge() is given instead of estimating it.
-  Standard(const Population& population, Part part, std::vector<Eigen::Index> known = {});
+  /// `known`: columns of the draws whose value judge() is given instead of estimating it. `discrepancy`: by
+  /// how much the model may be wrong about each statistic (1 sigma, in the statistic's unit; empty: not at
+  /// all).
+  Standard(const Population& population, Part part, std::vector<Eigen::Index> known = {},
+           Eigen::VectorXd discrepancy = {});
 
   /// Residuals in standard deviations, one per statistic (0 where it cannot be said). `known_values`: of the
   /// known columns, coordinates.
   Eigen::VectorXd judge(const Eigen::VectorXd& statistics, const Eigen::VectorXd& known_values = {}) const;
-  /// The same of the population's own stacks, each judged by a standard made without it (ten folds).
+  /// The same residuals with the discrepancy counted as scatter.
+  Eigen::VectorXd tolerated(const Eigen::VectorXd& z) const;
+  /// Residuals of the population's own stacks, each judged by a standard made without it (ten folds).
   const Eigen::MatrixXd& own() const { return own_; }
   /// Open parameters that fit the stack best (coordinates) and the errors of such estimates.
   Eigen::VectorXd estimate(const Eigen::VectorXd& statistics) const;
   const Eigen::VectorXd& estimate_error() const { return estimate_error_; }
   /// Standard deviation of each statistic's residual, in the statistic's unit.
   const Eigen::VectorXd& deviation() const { return deviation_; }
+  /// What the model expects with its open parameters at the draws' mean, and by how much a unit of each
+  /// parameter's coordinate moves it: [statistic], [statistic, parameter].
+  const Eigen::VectorXd& middle() const { return fit_.middle; }
+  Eigen::MatrixXd slopes() const;
 
  private:
   struct Fit {
@@ -44,6 +53,7 @@ class Standard {
   Eigen::VectorXd deltas(const Fit& fit, const Eigen::VectorXd& z, const Eigen::VectorXd& known_values) const;
 
   std::vector<Eigen::Index> known_;
+  Eigen::VectorXd discrepancy_;
   Fit fit_;
   Eigen::VectorXd deviation_;
   std::vector<bool> erratic_;

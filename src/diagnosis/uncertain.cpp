@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "base/math.hpp"
 #include "optics/zernike.hpp"
 
 namespace atomcam {
@@ -23,7 +24,7 @@ Uncertain relative(std::string name, double width, std::function<void(Lab&, doub
           .offset =
               [figure](const Calibration& one, const Calibration& other) {
                 const double a = figure(one), b = figure(other);
-                return a > 0 && b > 0 ? std::clamp(std::log(a / b), -0.7, 0.7) : 0;
+                return a > 0 && b > 0 ? std::clamp(std::log(a / b), -0.4, 0.4) : 0;
               }};
 }
 Uncertain shift(std::string name, double width, std::function<void(Lab&, double by)> add, Figure figure) {
@@ -34,8 +35,10 @@ Uncertain shift(std::string name, double width, std::function<void(Lab&, double 
           .highest = 5 * width,
           .apply = std::move(add),
           .value = [](double c) { return c; },
-          .offset = [figure](const Calibration& one,
-                             const Calibration& other) { return figure(one) - figure(other); }};
+          .offset =
+              [figure, most = 40 * width](const Calibration& one, const Calibration& other) {
+                return std::clamp(figure(one) - figure(other), -most, most);
+              }};
 }
 double logit(double p) {
   p = std::clamp(p, 1e-5, 1 - 1e-5);
@@ -124,6 +127,29 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
           (y ? grid.offset_y : grid.offset_x) += by;
         },
         [y](const Calibration& c) { return y ? c.optics.lattice.origin_y : c.optics.lattice.origin_x; }));
+  // What makes the spots' centres shift across the field stretches or turns the lattice that is found.
+  const Lattice& lattice = calibration.optics.lattice;
+  const double across = 4 * std::max(0.003, calibration.optics.position_error_px);
+  const double step_x = across / std::max(2, lattice.columns), step_y = across / std::max(2, lattice.rows);
+  const double degrees = 180 / math::pi;
+  open.push_back(shift(
+      "spacing_x", step_x, [](Lab& l, double by) { std::get<SiteGrid>(l.layout).spacing_x += by; },
+      [](const Calibration& c) { return std::hypot(c.optics.lattice.a_x, c.optics.lattice.a_y); }));
+  open.push_back(shift(
+      "spacing_y", step_y, [](Lab& l, double by) { std::get<SiteGrid>(l.layout).spacing_y += by; },
+      [](const Calibration& c) { return std::hypot(c.optics.lattice.b_x, c.optics.lattice.b_y); }));
+  open.push_back(shift(
+      "angle_x", degrees * step_x / std::hypot(lattice.a_x, lattice.a_y),
+      [](Lab& l, double by) { std::get<SiteGrid>(l.layout).angle_x_deg += by; },
+      [degrees](const Calibration& c) {
+        return degrees * std::atan2(c.optics.lattice.a_y, c.optics.lattice.a_x);
+      }));
+  open.push_back(shift(
+      "angle_y", degrees * step_y / std::hypot(lattice.b_x, lattice.b_y),
+      [](Lab& l, double by) { std::get<SiteGrid>(l.layout).angle_y_deg += by; },
+      [degrees](const Calibration& c) {
+        return degrees * std::atan2(-c.optics.lattice.b_x, c.optics.lattice.b_y);
+      }));
   for (int term = 3; term < zernike_terms; ++term) {
     const auto row = static_cast<Eigen::Index>(3 + term);
     const double error =
@@ -153,8 +179,8 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, const Lab& 
     const bool logarithmic = strength || p.scale == ParameterScale::logarithmic;
     double low = p.minimum, high = p.maximum;
     if (strength) {
-      low = std::max(p.minimum, p.default_value / 40);
-      high = std::min(p.maximum, p.default_value * 40);
+      low = std::max(p.minimum, p.default_value / 20);
+      high = std::min(p.maximum, p.default_value * 30);
     } else if (logarithmic) {
       low = std::max(p.minimum, p.default_value / 20);
       high = std::min(p.maximum, p.default_value * 20);

@@ -24,6 +24,7 @@ struct Uncertain {
   /// Drawn for a group of stacks at once: making a point-spread function takes longer than simulating a
   /// stack.
   bool shared = false;
+  double pull = 0;  // by how much the last recalibration moved the centre
   std::function<void(Lab&, double coordinate)> apply;
   std::function<double(double coordinate)> value;  // in the parameter's unit
   /// By how much a calibration says more than another, as a coordinate; empty for an effect's parameter.

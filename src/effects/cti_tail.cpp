@@ -43,7 +43,7 @@ EffectDeclaration cti_tail() {
                           .meaning = "Charge that is left behind."},
                          {.key = "length_px",
                           .unit = "px",
-                          .minimum = 0.2,
+                          .minimum = 0.05,
                           .maximum = 50,
                           .default_value = 1.5,
                           .scale = ParameterScale::logarithmic,

@@ -6,21 +6,22 @@ namespace {
 class DualAdcPeaks : public Effect {
  public:
   explicit DualAdcPeaks(const ParameterValues& values)
-      : fraction_(values[0]), separation_counts_(values[1]) {}
+      : fraction_(values[0]), separation_counts_(values[1]), spread_(values[2]) {}
 
   void apply_to_counts(int row, std::span<float> analog_counts, const FrameContext& context) const override {
     const PlaneGeometry plane(context);
-    for_each_defect(context, plane, row, fraction_, [&](int column, std::uint32_t pixel, RandomStream&) {
+    for_each_defect(context, plane, row, fraction_, [&](int column, std::uint32_t pixel, RandomStream& own) {
       if (static_cast<std::size_t>(column) >= analog_counts.size()) return;
+      const double separation = separation_counts_ * relative_size(own, spread_);
       RandomStream random = context.random("path", pixel);
-      analog_counts[column] +=
-          static_cast<float>(random.uniform() < 0.5 ? separation_counts_ / 2 : -separation_counts_ / 2);
+      analog_counts[column] += static_cast<float>(random.uniform() < 0.5 ? separation / 2 : -separation / 2);
     });
   }
 
  private:
   double fraction_;
   double separation_counts_;
+  double spread_;
 };
 
 }  // namespace
@@ -43,7 +44,14 @@ EffectDeclaration dual_adc_peaks() {
                           .maximum = 1000,
                           .default_value = 12,
                           .scale = ParameterScale::logarithmic,
-                          .meaning = "Distance of the two peaks."}},
+                          .meaning = "Mean distance of the two peaks."},
+                         {.key = "spread",
+                          .unit = "1",
+                          .minimum = 0,
+                          .maximum = 2,
+                          .default_value = 0.2,
+                          .scale = ParameterScale::linear,
+                          .meaning = "Relative spread of the pixels' distances (gamma law; 0: all alike)."}},
           .observables = {"kurtosis_map", "variance_map", "pixel_histogram"},
           .emccd = true,
           .qcmos = true,

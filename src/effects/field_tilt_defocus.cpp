@@ -6,21 +6,21 @@ namespace {
 class FieldTiltDefocus : public Effect {
  public:
   explicit FieldTiltDefocus(const ParameterValues& values)
-      : tilt_um_(values[0]), angle_deg_(values[1]), curvature_um_(values[2]) {}
+      : tilt_um_(values[0]), angle_deg_(values[1]), curvature_(values[2]) {}
 
   void apply_to_light(LightField& light, const FrameContext& context) const override {
     const PlaneGeometry plane(context);
     const double cosine = math::cos_turns(angle_deg_ / 360), sine = math::sin_turns(angle_deg_ / 360);
     for (Emitter& emitter : *light.emitters) {
       const double u = plane.u(emitter.x_px), v = plane.v(emitter.y_px);
-      emitter.defocus_um += tilt_um_ * (u * cosine + v * sine) + curvature_um_ * (u * u + v * v);
+      emitter.defocus_um += tilt_um_ * (u * cosine + v * sine + curvature_ * (u * u + v * v));
     }
   }
 
  private:
   double tilt_um_;
   double angle_deg_;
-  double curvature_um_;
+  double curvature_;
 };
 
 }  // namespace
@@ -47,14 +47,13 @@ EffectDeclaration field_tilt_defocus() {
                       .default_value = 0,
                       .scale = ParameterScale::linear,
                       .meaning = "Direction in which the defocus grows, from +x towards +y."},
-                     {.key = "curvature_um",
-                      .unit = "um",
-                      .minimum = -0.2,
-                      .maximum = 0.2,
+                     {.key = "curvature",
+                      .unit = "1",
+                      .minimum = -2,
+                      .maximum = 2,
                       .default_value = 0,
                       .scale = ParameterScale::linear,
-                      .meaning = "Defocus at the edge from field curvature, even in all directions, times "
-                                 "the strength being on."}},
+                      .meaning = "Defocus at the edge from field curvature, in parts of the tilt's."}},
       .observables = {"point_spread_field", "point_spread_width", "site_brightness", "site_histogram"},
       .emccd = true,
       .qcmos = true,

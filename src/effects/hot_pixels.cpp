@@ -5,7 +5,8 @@ namespace {
 
 class HotPixels : public Effect {
  public:
-  explicit HotPixels(const ParameterValues& values) : fraction_(values[0]), rate_e_per_s_(values[1]) {}
+  explicit HotPixels(const ParameterValues& values)
+      : fraction_(values[0]), rate_e_per_s_(values[1]), spread_(values[2]) {}
 
   void apply_to_electrons(ElectronImage& electrons, const FrameContext& context) const override {
     const PlaneGeometry plane(context);
@@ -13,7 +14,7 @@ class HotPixels : public Effect {
       for_each_defect(
           context, plane, row, fraction_, [&](int column, std::uint32_t pixel, RandomStream& own) {
             if (column >= electrons.columns()) return;
-            const double mean = rate_e_per_s_ * sample_exponential(own) * context.settings->exposure_s;
+            const double mean = rate_e_per_s_ * relative_size(own, spread_) * context.settings->exposure_s;
             RandomStream random = context.random("electrons", pixel);
             electrons(row, column) += static_cast<std::int32_t>(sample_poisson(random, mean));
           });
@@ -22,6 +23,7 @@ class HotPixels : public Effect {
  private:
   double fraction_;
   double rate_e_per_s_;
+  double spread_;
 };
 
 }  // namespace
@@ -44,7 +46,15 @@ EffectDeclaration hot_pixels() {
                           .maximum = 100000,
                           .default_value = 20,
                           .scale = ParameterScale::logarithmic,
-                          .meaning = "Mean dark current of such a pixel (exponential)."}},
+                          .meaning = "Mean dark current of such a pixel."},
+                         {.key = "spread",
+                          .unit = "1",
+                          .minimum = 0,
+                          .maximum = 2,
+                          .default_value = 1,
+                          .scale = ParameterScale::linear,
+                          .meaning =
+                              "Relative spread of the pixels' dark currents (gamma law; 1: exponential)."}},
           .observables = {"mean_map", "variance_map", "bright_clusters", "pixel_histogram"},
           .emccd = true,
           .qcmos = true,

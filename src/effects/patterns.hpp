@@ -111,18 +111,31 @@ inline double autoregressive(const FrameContext& context, std::string_view what,
   return value;
 }
 
+/// A defect's size relative to the mean of all: a gamma law of relative standard deviation `spread`; 0: all
+/// alike, 1: exponential.
+inline double relative_size(RandomStream& random, double spread) {
+  if (spread < 1e-3) return 1;
+  const double shape = 1 / (spread * spread);
+  return sample_gamma(random, shape) / shape;
+}
+
 /// Calls use(column, random) for every pixel of a plane's row that carries a defect: a fraction of the
 /// sensor's physical pixels, fixed by its serial number. `random` is the defect's own stream of fixed
 /// properties.
 template <class Use>
 void for_each_defect(const FrameContext& context, const PlaneGeometry& plane, int row, double fraction,
                      const Use& use) {
+  if (fraction <= 0) return;
+  // From one such pixel to the next: a geometric law, so that no pixel carries two.
+  const double log_free = fraction < 1 ? math::log(1 - fraction) : 0;
+  const auto gap = [&](RandomStream& random) {
+    if (log_free == 0) return 0;
+    return static_cast<int>(std::min(1e6, math::log(random.uniform()) / log_free));
+  };
   const int first = plane.region.offset_y + row * plane.step_y;
   for (int y = first; y < first + plane.step_y; ++y) {
     RandomStream random = context.fixed("pixels", static_cast<std::uint32_t>(y));
-    const std::int64_t count = sample_poisson(random, fraction * plane.sensor.columns);
-    for (std::int64_t i = 0; i < count; ++i) {
-      const int x = static_cast<int>(random.uniform() * plane.sensor.columns);
+    for (int x = gap(random); x < plane.sensor.columns; x += 1 + gap(random)) {
       const std::uint64_t properties = random.next64();
       const int column = x - plane.region.offset_x;
       if (column < 0 || column >= plane.region.width) continue;

@@ -6,7 +6,7 @@ namespace {
 class RandomTelegraphNoise : public Effect {
  public:
   explicit RandomTelegraphNoise(const ParameterValues& values)
-      : fraction_(values[0]), amplitude_counts_(values[1]), dwell_frames_(values[2]) {}
+      : fraction_(values[0]), amplitude_counts_(values[1]), dwell_frames_(values[2]), spread_(values[3]) {}
 
   void apply_to_counts(int row, std::span<float> analog_counts, const FrameContext& context) const override {
     // The chain starts anew in equilibrium every block of frames, so that any frame is reached in bounded
@@ -16,7 +16,7 @@ class RandomTelegraphNoise : public Effect {
     const PlaneGeometry plane(context);
     for_each_defect(context, plane, row, fraction_, [&](int column, std::uint32_t pixel, RandomStream& own) {
       if (static_cast<std::size_t>(column) >= analog_counts.size()) return;
-      const double distance = amplitude_counts_ * sample_exponential(own);
+      const double distance = amplitude_counts_ * relative_size(own, spread_);
       RandomStream random = context.random_at("state", first, pixel);
       bool high = random.uniform() < 0.5;
       for (std::uint64_t frame = first; frame < context.frame; ++frame)
@@ -29,40 +29,49 @@ class RandomTelegraphNoise : public Effect {
   double fraction_;
   double amplitude_counts_;
   double dwell_frames_;
+  double spread_;
 };
 
 }  // namespace
 
 EffectDeclaration random_telegraph_noise() {
-  return {.name = "random_telegraph_noise",
-          .plane = Plane::counts,
-          .summary = "Some pixels jump between two levels: a single trap fills and empties.",
-          .reference = "Random telegraph signal in CMOS pixels: 0.1-5 % of them",
-          .parameters = {{.key = "fraction",
-                          .unit = "1",
-                          .minimum = 0,
-                          .maximum = 0.5,
-                          .default_value = 0.005,
-                          .scale = ParameterScale::logarithmic,
-                          .meaning = "Fraction of the sensor's pixels."},
-                         {.key = "amplitude_counts",
-                          .unit = "counts",
-                          .minimum = 0.1,
-                          .maximum = 1000,
-                          .default_value = 15,
-                          .scale = ParameterScale::logarithmic,
-                          .meaning = "Mean distance of the levels (exponential)."},
-                         {.key = "dwell_frames",
-                          .unit = "frames",
-                          .minimum = 1,
-                          .maximum = 1000,
-                          .default_value = 5,
-                          .scale = ParameterScale::logarithmic,
-                          .meaning = "Mean time in a level."}},
-          .observables = {"kurtosis_map", "variance_map", "lag_correlation", "pixel_histogram"},
-          .emccd = true,
-          .qcmos = true,
-          .make = make_effect<RandomTelegraphNoise>};
+  return {
+      .name = "random_telegraph_noise",
+      .plane = Plane::counts,
+      .summary = "Some pixels jump between two levels: a single trap fills and empties.",
+      .reference = "Random telegraph signal in CMOS pixels: 0.1-5 % of them",
+      .parameters = {{.key = "fraction",
+                      .unit = "1",
+                      .minimum = 0,
+                      .maximum = 0.5,
+                      .default_value = 0.005,
+                      .scale = ParameterScale::logarithmic,
+                      .meaning = "Fraction of the sensor's pixels."},
+                     {.key = "amplitude_counts",
+                      .unit = "counts",
+                      .minimum = 0.1,
+                      .maximum = 1000,
+                      .default_value = 15,
+                      .scale = ParameterScale::logarithmic,
+                      .meaning = "Mean distance of the levels."},
+                     {.key = "dwell_frames",
+                      .unit = "frames",
+                      .minimum = 1,
+                      .maximum = 1000,
+                      .default_value = 5,
+                      .scale = ParameterScale::logarithmic,
+                      .meaning = "Mean time in a level."},
+                     {.key = "spread",
+                      .unit = "1",
+                      .minimum = 0,
+                      .maximum = 2,
+                      .default_value = 1,
+                      .scale = ParameterScale::linear,
+                      .meaning = "Relative spread of the pixels' distances (gamma law; 1: exponential)."}},
+      .observables = {"kurtosis_map", "variance_map", "lag_correlation", "pixel_histogram"},
+      .emccd = true,
+      .qcmos = true,
+      .make = make_effect<RandomTelegraphNoise>};
 }
 
 }  // namespace atomcam

@@ -261,7 +261,7 @@ TEST(CountEffects, HaveTheirSizes) {
   const auto rows = make("row_noise", {3});
   const auto stripes = make("emi_stripes", {4, 37.3});
   const auto drift = make("bias_drift", {2, 10, 0});
-  const auto dual = make("dual_adc_peaks", {1, 10});
+  const auto dual = make("dual_adc_peaks", {1, 10, 0});
   Moments row_offsets, stripe, drifts;
   double dual_pixels = 0;
   for (std::uint64_t frame = 0; frame < 200; ++frame) {

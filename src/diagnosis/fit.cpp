@@ -1,0 +1,215 @@
+#include "diagnosis/fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace atomcam {
+namespace {
+
+constexpr double winsor = 4;         // deviations beyond this count as this in a step
+constexpr double trust = 2.5;        // widths of an effect's parameter that a step may go
+constexpr double plain_trust = 1.5;  // and of a calibration's
+constexpr double prior_widths = 6;   // of a step, in widths: keeps what the data do not say where it is
+
+constexpr double near = 1.3;  // mean square of the deviations of a place from which widths shrink
+
+/// Where a fit stands.
+struct Place {
+  std::vector<Uncertain> open;
+  double distance = 1e300;
+};
+
+Eigen::VectorXd row_of(const std::vector<double>& values) {
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
+/// How the statistics follow the effects' parameters about the centre, from a few stacks: straight lines.
+struct Local {
+  Eigen::VectorXd middle, noise;  // of the statistics at the centre; of one stack about the lines
+  Eigen::MatrixXd slopes;         // [statistic, effect parameter], per unit of its coordinate
+};
+
+Local straight_lines(const Population& population, const std::vector<Uncertain>& open, Eigen::Index from,
+                     const Eigen::VectorXd& unit) {
+  const Eigen::Index n = population.stacks(), p = population.whole.cols(),
+                     m = static_cast<Eigen::Index>(open.size()) - from;
+  Eigen::MatrixXd design = Eigen::MatrixXd::Ones(n, m + 1);
+  for (Eigen::Index j = 0; j < m; ++j) {
+    const Uncertain& one = open[static_cast<std::size_t>(from + j)];
+    design.col(j + 1) = (population.draws.col(from + j).array() - one.centre) / one.width;
+    if (one.cycle > 0)
+      for (Eigen::Index k = 0; k < n; ++k)
+        design(k, j + 1) -= one.cycle / one.width * std::round(design(k, j + 1) * one.width / one.cycle);
+  }
+  Eigen::MatrixXd normal = design.transpose() * design;
+  normal.diagonal().tail(m).array() += 0.3;
+  const Eigen::MatrixXd inverse = normal.ldlt().solve(Eigen::MatrixXd::Identity(m + 1, m + 1));
+  Local local;
+  local.middle.setZero(p);
+  local.noise.setZero(p);
+  local.slopes.setZero(p, m);
+  for (Eigen::Index i = 0; i < p; ++i) {
+    if (!(unit(i) > 0)) continue;
+    Eigen::VectorXd y = population.whole.col(i);
+    double known = 0, sum = 0;
+    for (Eigen::Index k = 0; k < n; ++k)
+      if (std::isfinite(y(k))) known += 1, sum += y(k);
+    if (known < 0.7 * static_cast<double>(n)) continue;
+    for (Eigen::Index k = 0; k < n; ++k)
+      if (!std::isfinite(y(k))) y(k) = sum / known;
+    Eigen::VectorXd line = inverse * (design.transpose() * y);
+    for (int round = 0; round < 2; ++round) {  // single stacks must not tilt the lines
+      const Eigen::VectorXd predicted = design * line, rest = y - predicted;
+      const double limit =
+          2.5 * std::max(0.3 * unit(i), 1.25 * rest.cwiseAbs().mean());  // mean |x| is 0.8 sigma
+      line = inverse * (design.transpose() * (predicted + rest.cwiseMax(-limit).cwiseMin(limit)));
+    }
+    local.middle(i) = line(0);
+    local.noise(i) = std::sqrt((y - design * line).squaredNorm() /
+                               static_cast<double>(std::max<Eigen::Index>(1, n - m - 1)));
+    for (Eigen::Index j = 0; j < m; ++j)
+      local.slopes(i, j) = line(j + 1) / open[static_cast<std::size_t>(from + j)].width;
+  }
+  return local;
+}
+
+class Fitter {
+ public:
+  Fitter(const FitGround& ground, const StackPlan& plan)
+      : statistics_(row_of(ground.real.values->whole)),
+        unit_(ground.plain->standard->deviation()),
+        plain_slopes_(ground.plain->standard->slopes()),
+        discrepancy_(allowed_discrepancy(*ground.plain, *ground.real.values, plan)),
+        correlation_(ground.plain->standard->own()) {}
+
+  struct Step {
+    Eigen::VectorXd delta, error;  // of all open parameters, coordinates
+    double distance = 0;           // before the step, calibration's parameters at their best
+  };
+
+  Step step(const Local& local, const std::vector<Uncertain>& open, Eigen::Index from) const {
+    const Eigen::Index p = statistics_.size(), m = static_cast<Eigen::Index>(open.size());
+    // Deviations in units of a stack's scatter; one that is not known to be straight counts less.
+    Eigen::VectorXd z = Eigen::VectorXd::Zero(p), scale = Eigen::VectorXd::Zero(p);
+    for (Eigen::Index i = 0; i < p; ++i) {
+      if (!(unit_(i) > 0) || !std::isfinite(statistics_(i)) || local.noise(i) == 0) continue;
+      scale(i) = 1 / std::hypot(std::max(unit_(i), local.noise(i)), discrepancy_(i));
+      z(i) = (statistics_(i) - local.middle(i)) * scale(i);
+    }
+    Eigen::MatrixXd slopes(p, m);
+    for (Eigen::Index j = 0; j < m; ++j) {
+      const double width = open[static_cast<std::size_t>(j)].width;
+      slopes.col(j) = (j < from ? Eigen::VectorXd(plain_slopes_.col(j)) : local.slopes.col(j - from))
+                          .cwiseProduct(scale) *
+                      width;
+    }
+    const auto solver = correlation_.matrix.ldlt();
+    const Eigen::MatrixXd weighted = solver.solve(slopes);
+    Eigen::MatrixXd information = slopes.transpose() * weighted;
+    information.diagonal().array() += 1 / (prior_widths * prior_widths);
+    const auto inverse = information.ldlt();
+    Step out;
+    // First calibration's parameters alone: how far the effects' centres are from the real stack.
+    {
+      const Eigen::MatrixXd own = information.topLeftCorner(from, from);
+      const auto own_inverse = own.ldlt();
+      Eigen::VectorXd delta = Eigen::VectorXd::Zero(from);
+      for (int round = 0; round < 5 && from > 0; ++round) {
+        const Eigen::VectorXd rest = z - slopes.leftCols(from) * delta;
+        delta +=
+            own_inverse.solve(weighted.leftCols(from).transpose() * rest.cwiseMax(-winsor).cwiseMin(winsor));
+        delta = delta.cwiseMax(-plain_trust).cwiseMin(plain_trust);
+      }
+      out.distance = compressed(z - slopes.leftCols(from) * delta).squaredNorm() / static_cast<double>(p);
+    }
+    Eigen::VectorXd delta = Eigen::VectorXd::Zero(m);
+    for (int round = 0; round < 12; ++round) {
+      const Eigen::VectorXd rest = z - slopes * delta;
+      delta += inverse.solve(weighted.transpose() * rest.cwiseMax(-winsor).cwiseMin(winsor));
+      for (Eigen::Index j = 0; j < m; ++j) {
+        const double most = j < from ? plain_trust : trust;
+        delta(j) = std::clamp(delta(j), -most, most);
+      }
+    }
+    const Eigen::VectorXd variance = inverse.solve(Eigen::MatrixXd::Identity(m, m)).diagonal().cwiseMax(0);
+    out.delta.resize(m);
+    out.error.resize(m);
+    for (Eigen::Index j = 0; j < m; ++j) {
+      const double width = open[static_cast<std::size_t>(j)].width;
+      out.delta(j) = delta(j) * width;
+      out.error(j) = std::sqrt(variance(j)) * width;
+    }
+    return out;
+  }
+
+  const Eigen::VectorXd& unit() const { return unit_; }
+
+ private:
+  Eigen::VectorXd statistics_, unit_;
+  Eigen::MatrixXd plain_slopes_;
+  Eigen::VectorXd discrepancy_;
+  Correlation correlation_;
+};
+
+}  // namespace
+
+double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& plan, std::uint64_t first) {
+  const Fitter fitter(ground, plan);
+  const Eigen::Index from = model.first_effect_parameter;
+  const auto effects = static_cast<int>(model.open.size()) - static_cast<int>(from);
+  const int stacks = 8 + 4 * effects;
+  Place best;
+  double last = 1e300;
+  for (int round = 0; round < rounds; ++round) {
+    const std::uint64_t number = first + static_cast<std::uint64_t>(round) * 10000;
+    recalibrate(model, ground.real, plan, number + 5000);
+    // Calibration's parameters stand still: what they do is known from the plain model.
+    std::vector<Uncertain> drawn = model.open;
+    for (Eigen::Index k = 0; k < from; ++k) drawn[static_cast<std::size_t>(k)].width = 0;
+    const Population population = simulate_population(model.lab, drawn, stacks, plan, number);
+    const Local local = straight_lines(population, drawn, from, fitter.unit());
+    const Fitter::Step step = fitter.step(local, model.open, from);
+    if (step.distance > 1.3 * best.distance) {
+      // The last step led away: half of it, and a closer look.
+      for (std::size_t k = 0; k < model.open.size(); ++k) {
+        Uncertain& one = model.open[k];
+        one.centre = best.open[k].centre + 0.4 * (one.centre - best.open[k].centre);
+        if (static_cast<Eigen::Index>(k) >= from) one.width *= 0.6;
+      }
+      continue;
+    }
+    if (step.distance < best.distance) best = {model.open, step.distance};
+    bool settled = true;
+    for (std::size_t k = 0; k < model.open.size(); ++k) {
+      Uncertain& one = model.open[k];
+      const auto at = static_cast<Eigen::Index>(k);
+      if (one.width <= 0) continue;
+      double moved = one.centre + step.delta(at);
+      if (at < from) {
+        one.lowest = moved - 5 * one.width;
+        one.highest = moved + 5 * one.width;
+        one.centre = moved;
+        continue;
+      }
+      if (one.cycle > 0)
+        moved -= one.cycle * std::floor((moved - one.lowest) / one.cycle);
+      else
+        moved = std::clamp(moved, one.lowest, one.highest);
+      const double range = one.highest - one.lowest;
+      const double went = std::fabs(moved - one.centre);
+      if (went > std::max(1.5 * step.error(at), 0.004 * range)) settled = false;
+      one.centre = moved;
+      if (went > 1.5 * one.width)
+        one.width = std::min(1.5 * one.width, 0.15 * range);
+      else if (went < 0.7 * one.width && step.distance < near)
+        one.width = std::clamp(std::max(1.5 * step.error(at), 0.01 * range), 0.5 * one.width, one.width);
+    }
+    last = step.distance;
+    if (settled && round >= 1 && step.distance < near) break;
+  }
+  if (last > 1.2 * best.distance) model.open = best.open;
+  return best.distance;
+}
+
+}  // namespace atomcam

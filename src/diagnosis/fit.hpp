@@ -1,0 +1,20 @@
+#pragma once
+// Finding the parameters at which a model comes closest to the real stack: simulate about a place, move by a
+// Gauss-Newton step within a region of trust, go back where that made it worse.
+
+#include "diagnosis/model.hpp"
+
+namespace atomcam {
+
+/// What a fit starts from, common to all hypotheses.
+struct FitGround {
+  const Model* plain = nullptr;  // judged: gives the statistics' noise and how calibration's parameters act
+  RealStack real;
+};
+
+/// Moves the model's centres, and the widths of its effects' parameters to about their errors. Every round
+/// simulates some stacks about the centre; calibration follows the effects (recalibrate). At most `rounds`.
+/// Returns how far the real stack is from the best place found (mean square of compressed deviations).
+double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& plan, std::uint64_t first);
+
+}  // namespace atomcam

@@ -40,19 +40,21 @@ AtomFit fit_atoms(const std::vector<float>& brightness, const BrightnessNoise& n
     const double v0 = noise.empty_variance * std::exp(p(empty_noise));
     const double slope = noise.variance_per_e * std::exp(p(light_noise));
     const double third0 = noise.empty_skewness * std::pow(v0, 1.5);
-    const auto component = [&](double electrons) {
-      const double variance = v0 + slope * electrons;
-      return Pearson(p(empty) + electrons, variance,
-                     (third0 + noise.third_per_e * electrons) / std::pow(variance, 1.5));
+    const auto component = [&](double electrons, const Surroundings& by = {}) {
+      const double variance = v0 * by.variance_factor + slope * electrons;
+      return Pearson(p(empty) + by.shift_e + electrons, variance,
+                     (third0 * by.variance_factor + noise.third_per_e * electrons) / std::pow(variance, 1.5));
     };
     constexpr int steps = 48;
     const double rate = -std::log1p(-loss_probability);
     std::vector<Pearson> parts;
     std::vector<double> shares;
-    parts.push_back(component(0));
-    shares.push_back(1 - f);
-    parts.push_back(component(mu));
-    shares.push_back(f * (1 - loss_probability));
+    for (const Surroundings& by : noise.surroundings) {
+      parts.push_back(component(0, by));
+      shares.push_back((1 - f) * by.share);
+      parts.push_back(component(mu, by));
+      shares.push_back(f * (1 - loss_probability) * by.share);
+    }
     for (int k = 0; k < steps; ++k) {
       const double a = static_cast<double>(k) / steps, b = static_cast<double>(k + 1) / steps;
       parts.push_back(component(mu * 0.5 * (a + b)));

@@ -8,12 +8,20 @@
 
 namespace atomcam {
 
+/// A way in which the neighbours may be filled: what they add to a site.
+struct Surroundings {
+  double share = 1;            // of all sites and frames
+  double shift_e = 0;          // of the estimate's mean
+  double variance_factor = 1;  // of empty_variance
+};
+
 /// What is known of a site's estimated light before the fit, in electrons.
 struct BrightnessNoise {
   double empty_variance = 1;  // of an empty site
   double empty_skewness = 0;
   double variance_per_e = 1;  // added per electron of the atom: excess noise times sum of weight^2 share
   double third_per_e = 0;     // third cumulant added per electron
+  std::vector<Surroundings> surroundings = {{}};
 };
 
 struct AtomFit {

@@ -123,7 +123,11 @@ class Calibrator {
  private:
   bool emccd() const { return notes_.kind == CameraKind::emccd; }
   bool multiplied() const { return emccd() && notes_.em_gain > 1; }
-  double excess() const { return multiplied() ? 2 - 1 / em_gain_ : 1; }
+  int stages() const {
+    const auto* sensor = std::get_if<EmccdDescription>(&result_.lab.sensor);
+    return sensor ? sensor->register_stages : 0;
+  }
+  double excess() const { return multiplied() ? excess_noise_factor(em_gain_, stages()) : 1; }
   double counts_per_electron() const { return em_gain_ / electrons_per_count_; }
   void tell(std::string_view step, double done) const {
     if (input_.progress) input_.progress(step, done);
@@ -193,6 +197,7 @@ class Calibrator {
       start.electrons_per_count = electrons_per_count_;
       start.em_gain = em_gain_;
       start.serial_events = notes_.serial_cic_events;
+      start.stages = stages();
       CountFitOptions options;
       options.gain = multiplied();
       dark_histogram_ = histogram_of(occurrences, bias_, noise_, counts_per_electron());
@@ -417,9 +422,20 @@ class Calibrator {
     std::vector<std::uint8_t> used = odd_pixels();
     for (std::size_t i = 0; i < pixels; ++i) used[i] = !used[i] && model.site_light.pixels()[i] <= *middle;
     std::vector<double> by_block;
+    // Atoms that come and go also move the light that the stamps do not hold.
+    std::vector<double> changes(sites, 0.0);
+    for (std::size_t s = 0; s < sites; ++s) {
+      double sum = 0, squares_of = 0;
+      for (std::size_t at = s; at < brightness_.size(); at += sites) {
+        const double e = brightness_[at];
+        sum += e, squares_of += e * e;
+      }
+      changes[s] = std::max(0.0, (squares_of - sum * sum / n) / (n - 1));
+    }
+    leaks_ = leakage(model, result_.lab, changes);
     double signal = 0, floor = 0;
     for (std::size_t i = 0; i < pixels; ++i)
-      if (used[i]) floor += read[i], signal += shot[i];
+      if (used[i]) floor += read[i] + leaks_.rest_variance[i], signal += shot[i];
     double mean = 0, spread = 0;
     for (int block = 0; block < blocks; ++block) {
       double variance = 0, frames = std::floor((n - block - 1) / blocks) + 1;
@@ -530,12 +546,18 @@ class Calibrator {
         std::clamp(mean_site_e_ / std::max(1e-6, static_cast<double>(*at)), 0.02, 0.98);
     atom_e_ = std::max(1e-3, static_cast<double>(*at));
     write_lab_values();
-    const SiteNoise noise = site_noise(stack_model(result_.lab));
+    const StackModel model = stack_model(result_.lab);
+    const SiteNoise noise = site_noise(model);
     BrightnessNoise expected;
     expected.empty_variance = noise.empty_variance;
     expected.empty_skewness = noise.empty_third / std::pow(noise.empty_variance, 1.5);
     expected.variance_per_e = noise.variance_per_e;
     expected.third_per_e = noise.third_per_e;
+    if (leaks_.into.size() == model.sites.size()) {
+      StackModel filled = model;
+      filled.filling = filling_seen;
+      expected.surroundings = surroundings(filled, leaks_, noise.empty_variance);
+    }
     result_.atoms = fit_atoms(brightness_, expected, std::clamp(filling_seen, 0.05, 0.95),
                               std::clamp(notes_.survival, 0.3, 0.995), atom_e_);
     atom_e_ = result_.atoms.atom_e;
@@ -599,6 +621,7 @@ class Calibrator {
   StackSums light_, dark_;
   CountHistogram dark_histogram_;
   std::vector<float> brightness_;
+  Leakage leaks_;
   double bias_ = 0, noise_ = 1, em_gain_ = 1, electrons_per_count_ = 1, dark_e_ = 0, background_e_ = 0,
          atom_e_ = 0, mean_site_e_ = 0;
   double bias_error_ = 0, noise_error_ = 0, gain_error_ = 0, dark_error_ = 0, epc_error_ = 0;

@@ -11,20 +11,44 @@ namespace {
 constexpr int lattice_parameters = 6;
 constexpr int shape_parameters = lattice_parameters + fitted_zernikes;
 
-/// Cubic interpolation of the fine image at one sub-pixel position: four weights and their slopes.
+/// Cubic B-spline at one sub-pixel position: four weights and their slopes. Through the spline's coefficients
+/// the interpolation errs a hundred times less than through four samples, which blurs a narrow image.
 struct CubicWeights {
   double value[4], slope[4];
-  explicit CubicWeights(double t) {  // between samples 0 and 1 of -1, 0, 1, 2
-    value[0] = -t * (t - 1) * (t - 2) / 6;
-    value[1] = (t + 1) * (t - 1) * (t - 2) / 2;
-    value[2] = -(t + 1) * t * (t - 2) / 2;
-    value[3] = (t + 1) * t * (t - 1) / 6;
-    slope[0] = -(3 * t * t - 6 * t + 2) / 6;
-    slope[1] = (3 * t * t - 4 * t - 1) / 2;
-    slope[2] = -(3 * t * t - 2 * t - 2) / 2;
-    slope[3] = (3 * t * t - 1) / 6;
+  explicit CubicWeights(double t) {  // between coefficients 0 and 1 of -1, 0, 1, 2
+    const double s = 1 - t;
+    value[0] = s * s * s / 6;
+    value[1] = 2.0 / 3 - t * t * (2 - t) / 2;
+    value[2] = 2.0 / 3 - s * s * (2 - s) / 2;
+    value[3] = t * t * t / 6;
+    slope[0] = -s * s / 2;
+    slope[1] = t * (1.5 * t - 2);
+    slope[2] = -s * (1.5 * s - 2);
+    slope[3] = t * t / 2;
   }
 };
+
+/// Samples into the coefficients of the cubic B-spline through them: a recursive filter there and back along
+/// each axis, the samples mirrored at the ends.
+void to_spline(Eigen::ArrayXXd& samples) {
+  const double pole = std::sqrt(3.0) - 2;
+  const auto along = [&](Eigen::ArrayXXd& of) {  // across columns
+    const Eigen::Index n = of.cols();
+    of *= 6;
+    Eigen::ArrayXd first = of.col(0);
+    double power = pole;
+    for (Eigen::Index k = 1; k < std::min<Eigen::Index>(n, 24); ++k, power *= pole)
+      first += power * of.col(k);
+    of.col(0) = first;
+    for (Eigen::Index k = 1; k < n; ++k) of.col(k) += pole * of.col(k - 1);
+    of.col(n - 1) = pole / (pole * pole - 1) * (of.col(n - 1) + pole * of.col(n - 2)).eval();
+    for (Eigen::Index k = n - 1; k-- > 0;) of.col(k) = pole * (of.col(k + 1) - of.col(k)).eval();
+  };
+  along(samples);
+  Eigen::ArrayXXd turned = samples.transpose();
+  along(turned);
+  samples = turned.transpose();
+}
 
 struct Stamp {
   int left = 0, top = 0, width = 0, height = 0;
@@ -33,8 +57,9 @@ struct Stamp {
 
 class Model {
  public:
-  Model(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start, int radius_px)
-      : mean_(mean), pupil_image_(optics, radius_px), lattice_(start) {}
+  Model(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start, int radius_px,
+        int samples)
+      : mean_(mean), pupil_image_(optics, radius_px, samples), lattice_(start) {}
 
   int sites() const { return lattice_.sites(); }
   Eigen::Index size() const { return shape_parameters + sites() + 1; }
@@ -85,7 +110,9 @@ class Model {
                       Eigen::ArrayXd* image = nullptr) const {
     const Lattice where = lattice(p);
     const bool shapes = derivatives && !linear_only;
-    const FineImage fine = pupil_image_(zernike(p), shapes);
+    FineImage fine = pupil_image_(zernike(p), shapes);
+    to_spline(fine.share);
+    for (Eigen::ArrayXXd& change : fine.by_zernike) to_spline(change);
     const int rows = mean_.electrons.rows(), columns = mean_.electrons.columns();
     const Eigen::Index pixels = static_cast<Eigen::Index>(rows) * columns;
     Eigen::ArrayXd model = Eigen::ArrayXd::Constant(pixels, p(size() - 1));
@@ -330,26 +357,30 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   bool first = true;
   const double wave = optics.wavelength_um;
   MeanImage near = mean;
-  Model model(near, optics, start, radius);
+  const Model rough(near, optics, start, radius, PupilImage::rough);
+  const Model model(near, optics, start, radius, PupilImage::precise);
+  const auto roughly = [&](const Eigen::VectorXd& p, bool derivatives) {
+    return rough.evaluate(p, derivatives);
+  };
   const auto evaluate = [&](const Eigen::VectorXd& p, bool derivatives) {
     return model.evaluate(p, derivatives);
   };
   if (known) {
-    Eigen::VectorXd from = model.start(0, 0);
+    Eigen::VectorXd from = rough.start(0, 0);
     for (int k = 0; k < fitted_zernikes; ++k)
       from(lattice_parameters + k) = (*known)[k + first_fitted_zernike];
-    model.solve_linear(from);
-    best = maximise(from, evaluate, 0.05, 12);
+    rough.solve_linear(from);
+    best = maximise(from, roughly, 0.05, 12);
   } else
     for (const auto& [defocus, spherical] :
          {std::pair{0.07, 0.02}, std::pair{0.07, -0.06}, std::pair{0.15, 0.04}, std::pair{0.02, 0.07}}) {
-      Eigen::VectorXd from = model.start(defocus * wave, spherical * wave);
-      model.solve_linear(from);
-      MaximumLikelihood found = maximise(from, evaluate, 0.05, 12);
+      Eigen::VectorXd from = rough.start(defocus * wave, spherical * wave);
+      rough.solve_linear(from);
+      MaximumLikelihood found = maximise(from, roughly, 0.05, 12);
       if (first || found.minus_log < best.minus_log) best = std::move(found);
       first = false;
     }
-  best = maximise(best.values, evaluate, 1e-2, 30);
+  best = maximise(best.values, roughly, 0.05, 30);
   // Light beyond the stamps, by the whole table: taken off the image, then once more.
   OpticsDescription fitted = optics;
   for (int round = 0; round < 2; ++round) {

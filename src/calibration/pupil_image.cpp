@@ -9,8 +9,6 @@
 namespace atomcam {
 namespace {
 
-constexpr int pupil_samples = 44;
-constexpr double spacing = 2.0 / (pupil_samples - 4);  // of pupil samples, in aperture radii
 constexpr double pi = std::numbers::pi;
 
 double sinc(double x) {
@@ -18,7 +16,7 @@ double sinc(double x) {
 }
 
 /// The part of a square of the pupil's grid that lies within the aperture.
-double share_inside(double x, double y) {
+double share_inside(double x, double y, double spacing) {
   constexpr int parts = 8;
   int inside = 0;
   for (int j = 0; j < parts; ++j)
@@ -31,20 +29,20 @@ double share_inside(double x, double y) {
 
 }  // namespace
 
-PupilImage::PupilImage(const OpticsDescription& optics, int radius_px)
-    : radius_px_(radius_px), wavelength_um_(optics.wavelength_um) {
+PupilImage::PupilImage(const OpticsDescription& optics, int radius_px, int samples)
+    : radius_px_(radius_px), samples_(samples), wavelength_um_(optics.wavelength_um) {
+  const double spacing = 2.0 / (samples - 4);  // of pupil samples, in aperture radii
   const double pixel = optics.pixel_um / optics.magnification * optics.numerical_aperture /
                        optics.wavelength_um;  // in diffraction units
   const int reach = (radius_px + 1) * FineImage::oversampling + FineImage::oversampling / 2;
   const int fine = 2 * reach + 1;
-  strength_.setZero(pupil_samples, pupil_samples);
-  for (auto& term : zernike_) term.setZero(pupil_samples, pupil_samples);
+  strength_.setZero(samples, samples);
+  for (auto& term : zernike_) term.setZero(samples, samples);
   double energy = 0;
-  for (int j = 0; j < pupil_samples; ++j)
-    for (int i = 0; i < pupil_samples; ++i) {
-      const double x = (i - (pupil_samples - 1) / 2.0) * spacing,
-                   y = (j - (pupil_samples - 1) / 2.0) * spacing;
-      const double share = share_inside(x, y);
+  for (int j = 0; j < samples; ++j)
+    for (int i = 0; i < samples; ++i) {
+      const double x = (i - (samples - 1) / 2.0) * spacing, y = (j - (samples - 1) / 2.0) * spacing;
+      const double share = share_inside(x, y, spacing);
       if (share == 0) continue;
       double strength = share;
       if (optics.apodisation) {
@@ -57,17 +55,19 @@ PupilImage::PupilImage(const OpticsDescription& optics, int radius_px)
       const auto values = zernike_values(x, y);
       for (int k = 0; k < fitted_zernikes; ++k) zernike_[k](j, i) = values[k + first_fitted_zernike];
     }
-  waves_.resize(fine, pupil_samples);
+  waves_.resize(fine, samples);
   for (int n = 0; n < fine; ++n)
-    for (int i = 0; i < pupil_samples; ++i) {
+    for (int i = 0; i < samples; ++i) {
       const double u = (n - reach) * pixel / FineImage::oversampling;
-      const double x = (i - (pupil_samples - 1) / 2.0) * spacing;
+      const double x = (i - (samples - 1) / 2.0) * spacing;
       waves_(n, i) = std::polar(1.0, -2 * pi * x * u);
     }
   Eigen::ArrayXd width(fine);
   for (int n = 0; n < fine; ++n) {
     const double value = sinc((n - reach) * pixel / FineImage::oversampling * spacing);
-    width(n) = 1 / (value * value);
+    // A pupil of squares would dim the amplitude by this sinc, one of points not at all. The edge is made of
+    // squares and what is inside of points: the intensity is between sinc^2 and 1.
+    width(n) = 1 / value;
   }
   correction_ =
       (width.matrix() * width.matrix().transpose()).array() * spacing * spacing / energy * pixel * pixel;
@@ -87,10 +87,10 @@ Eigen::ArrayXXd PupilImage::integrated(const Eigen::ArrayXXd& intensity) const {
 
 FineImage PupilImage::operator()(const std::array<double, zernike_terms>& zernike_um,
                                  bool derivatives) const {
-  Eigen::ArrayXXd wavefront = Eigen::ArrayXXd::Zero(pupil_samples, pupil_samples);
+  Eigen::ArrayXXd wavefront = Eigen::ArrayXXd::Zero(samples_, samples_);
   for (int k = 0; k < fitted_zernikes; ++k) wavefront += zernike_um[k + first_fitted_zernike] * zernike_[k];
   const double turn = 2 * pi / wavelength_um_;
-  Eigen::MatrixXcd pupil(pupil_samples, pupil_samples);
+  Eigen::MatrixXcd pupil(samples_, samples_);
   for (Eigen::Index n = 0; n < pupil.size(); ++n) pupil(n) = std::polar(strength_(n), turn * wavefront(n));
   const auto image = [&](const Eigen::MatrixXcd& of) -> Eigen::MatrixXcd {
     return (waves_ * of) * waves_.transpose();

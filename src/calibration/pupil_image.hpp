@@ -25,15 +25,18 @@ struct FineImage {
 
 class PupilImage {
  public:
+  /// Samples across the pupil, a margin of two on each side: rough ones find the way, with fine ones the
+  /// light 16 pixels from a site is right to 0.1 % of the whole.
+  static constexpr int rough = 44, precise = 84;
   /// Up to `radius_px` pixels from the site. Uses all of `optics` but its Zernike terms.
-  PupilImage(const OpticsDescription& optics, int radius_px);
+  PupilImage(const OpticsDescription& optics, int radius_px, int samples = precise);
   FineImage operator()(const std::array<double, zernike_terms>& zernike_um, bool derivatives) const;
   int radius_px() const { return radius_px_; }
 
  private:
   Eigen::ArrayXXd integrated(const Eigen::ArrayXXd& intensity) const;
 
-  int radius_px_;
+  int radius_px_, samples_;
   double wavelength_um_;
   Eigen::ArrayXXd strength_;                              // [pupil row, pupil column]
   std::array<Eigen::ArrayXXd, fitted_zernikes> zernike_;  // values over the pupil

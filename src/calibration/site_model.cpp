@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calibration/count_law.hpp"
+
 namespace atomcam {
 namespace {
 
@@ -28,7 +30,7 @@ StackModel stack_model(const Lab& lab) {
     const double gain = multiplied ? camera.em_gain : 1;
     model.counts_per_electron = gain / mode.electrons_per_count;
     model.read_noise_counts = mode.read_noise_e / mode.electrons_per_count;
-    model.excess_noise = 2 - 1 / gain;
+    model.excess_noise = excess_noise_factor(gain, emccd->register_stages);
     model.dark_e = (emccd->dark_rate_e_per_s * camera.exposure_s + emccd->clock_induced_charge_e) * area;
     quantum_efficiency = emccd->quantum_efficiency;
   } else {
@@ -145,6 +147,115 @@ SiteNoise site_noise(const StackModel& model) {
   noise.variance_per_e /= sites;
   noise.third_per_e /= sites;
   return noise;
+}
+
+Leakage leakage(const StackModel& model, const Lab& lab, const std::vector<double>& site_variance_e2) {
+  Leakage leaks;
+  leaks.into.resize(model.sites.size());
+  leaks.rest_variance.assign(model.shape.pixels(), 0.0);
+  if (model.sites.empty()) return leaks;
+  const PointSpreadFunction point_spread(lab.optics, 0, lab.scene.atom_extent_um);
+  for (std::size_t t = 0; t < model.sites.size(); ++t) {
+    const SiteImage& of = model.sites[t];
+    // Twice a stamp and a half: light farther away is spread over many pixels.
+    const int reach = 2 * stamp_radius_limit + stamp_radius_limit / 2;
+    const int x = static_cast<int>(std::lround(of.x_px)), y = static_cast<int>(std::lround(of.y_px));
+    const int left = std::clamp(x - reach, 0, model.shape.columns),
+              top = std::clamp(y - reach, 0, model.shape.rows);
+    const int right = std::clamp(x + reach + 1, left, model.shape.columns),
+              bottom = std::clamp(y + reach + 1, top, model.shape.rows);
+    if (left >= right || top >= bottom) continue;
+    PhotonImage image({bottom - top, right - left});
+    point_spread.add_expected(image, 1, of.x_px, of.y_px, left, top);
+    PhotonImage rest = image;
+    for (std::size_t s = 0; s < model.sites.size(); ++s) {
+      const SiteImage& site = model.sites[s];
+      const int rows = site.share.rows(), columns = site.share.columns();
+      const int from_x = std::max(left, site.left), to_x = std::min(right, site.left + columns);
+      const int from_y = std::max(top, site.top), to_y = std::min(bottom, site.top + rows);
+      if (from_x >= to_x || from_y >= to_y) continue;
+      double part = 0;
+      for (int r = from_y; r < to_y; ++r)
+        for (int c = from_x; c < to_x; ++c)
+          part += static_cast<double>(site.weight(r - site.top, c - site.left)) *
+                  static_cast<double>(image(r - top, c - left));
+      for (int r = from_y; r < to_y; ++r)
+        for (int c = from_x; c < to_x; ++c)
+          rest(r - top, c - left) -= static_cast<float>(part) * site.share(r - site.top, c - site.left);
+      if (s != t) leaks.into[s].push_back({t, part});
+    }
+    for (int r = top; r < bottom; ++r)
+      for (int c = left; c < right; ++c) {
+        const double off = rest(r - top, c - left);
+        leaks
+            .rest_variance[static_cast<std::size_t>(r) * model.shape.columns + static_cast<std::size_t>(c)] +=
+            site_variance_e2[t] * off * off;
+      }
+  }
+  return leaks;
+}
+
+std::vector<Surroundings> surroundings(const StackModel& model, const Leakage& leaks, double empty_variance) {
+  const double second = model.excess_noise, f = model.filling;
+  const double read_e = model.read_noise_counts / model.counts_per_electron;
+  struct Case {
+    double shift, variance;
+  };
+  std::vector<Case> cases;
+  std::uint32_t bits = 0x2545f491;  // any fixed sequence: which neighbours are there
+  const auto uniform = [&] {
+    bits ^= bits << 13, bits ^= bits >> 17, bits ^= bits << 5;
+    return bits * 0x1p-32;
+  };
+  const std::size_t draws = std::max<std::size_t>(2, 4000 / std::max<std::size_t>(1, model.sites.size()));
+  for (std::size_t s = 0; s < model.sites.size(); ++s) {
+    const SiteImage& site = model.sites[s];
+    // What the neighbours would add to this site's variance, each by itself; those farther away on average.
+    std::vector<double> adds(leaks.into[s].size(), 0.0);
+    double base = 0;
+    for (std::size_t n = 0; n < site.share.pixels().size(); ++n) {
+      const int row = site.top + static_cast<int>(n) / site.share.columns(),
+                column = site.left + static_cast<int>(n) % site.share.columns();
+      const double w = site.weight.pixels()[n];
+      double far =
+          static_cast<double>(model.site_light(row, column)) - static_cast<double>(site.share.pixels()[n]);
+      for (std::size_t k = 0; k < adds.size(); ++k) {
+        const SiteImage& other = model.sites[leaks.into[s][k].site];
+        const int r = row - other.top, c = column - other.left;
+        if (r < 0 || c < 0 || r >= other.share.rows() || c >= other.share.columns()) continue;
+        const double share = other.share(r, c);
+        adds[k] += w * w * second * model.atom_e * share;
+        far -= share;
+      }
+      base += w * w *
+              (read_e * read_e +
+               second * (model.background_e + model.dark_e + f * model.atom_e * std::max(0.0, far)));
+    }
+    for (std::size_t draw = 0; draw < draws; ++draw) {
+      Case one{0, base};
+      for (std::size_t k = 0; k < adds.size(); ++k) {
+        const bool there = uniform() < f;
+        one.variance += there ? adds[k] : 0;
+        one.shift += leaks.into[s][k].part * model.atom_e * ((there ? 1 : 0) - f);
+      }
+      cases.push_back(one);
+    }
+  }
+  std::sort(cases.begin(), cases.end(), [](const Case& a, const Case& b) { return a.variance < b.variance; });
+  constexpr std::size_t classes = 6;
+  std::vector<Surroundings> out;
+  for (std::size_t k = 0; k < classes; ++k) {
+    const std::size_t from = k * cases.size() / classes, to = (k + 1) * cases.size() / classes;
+    if (from == to) continue;
+    const double count = static_cast<double>(to - from);
+    double shift = 0, variance = 0, spread = 0;
+    for (std::size_t n = from; n < to; ++n)
+      shift += cases[n].shift / count, variance += cases[n].variance / count;
+    for (std::size_t n = from; n < to; ++n)
+      spread += (cases[n].shift - shift) * (cases[n].shift - shift) / count;
+    out.push_back({count / static_cast<double>(cases.size()), shift, (variance + spread) / empty_variance});
+  }
+  return out;
 }
 
 }  // namespace atomcam

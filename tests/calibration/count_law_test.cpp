@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "calibration/sensor_fit.hpp"
+#include "sensor/register_law.hpp"
 #include "simulation/simulation.hpp"
 
 namespace atomcam {
@@ -62,6 +63,35 @@ TEST(CountLaw, SerialChargeHasTheMeanOverStages) {
   EXPECT_NEAR(moment(p, 0, 100, 1), 0.5 * mean_of_one, 1e-5 * mean_of_one);
 }
 
+// One electron through the sensor's own cascade: a register of finitely many stages.
+TEST(CountLaw, FollowsTheCascadeOfARegister) {
+  constexpr int stages = 536;
+  constexpr double gain = 300;
+  const std::vector<double> extra = RegisterLaw::extra_law(gain, stages, 0);
+  std::vector<double> exact(8192, 0.0);
+  for (std::size_t k = 0; k < extra.size() && k + 1 < exact.size(); ++k) exact[k + 1] = extra[k];
+  // Few events, so that all but 1e-6 of them are alone; bins of one electron.
+  CountLaw law{.bias_counts = 0, .read_noise_counts = 2, .electrons_per_count = 1, .em_gain = gain};
+  law.events_e = 1e-3;
+  law.stages = stages;
+  const auto worst = [&] {
+    const auto p = count_probabilities(law, 0, 8192);
+    double most = 0, seen = 0, due = 0;
+    for (std::size_t k = 24; k < 3000; ++k) {  // beyond the peak of no event
+      seen += p[k] / law.events_e;
+      due += exact[k];
+      most = std::max(most, std::fabs(seen - due));
+    }
+    return most;
+  };
+  const double finite = worst();
+  law.stages = 0;
+  const double endless = worst();
+  EXPECT_LT(finite, 1.5e-3);  // two events in a pixel: 5e-4 of them, counted once
+  EXPECT_GT(endless, 1.5 * finite);
+  EXPECT_NEAR(excess_noise_factor(gain, stages), RegisterLaw(gain, stages).excess_noise_factor(), 1e-9);
+}
+
 Lab dark_lab(double serial) {
   Lab lab = preset("ixon-ultra-897");
   auto& sensor = std::get<EmccdDescription>(lab.sensor);
@@ -103,7 +133,8 @@ TEST(CountFit, FindsTheFiguresOfADarkStack) {
                    .electrons_per_count = mode.electrons_per_count,
                    .em_gain = 220,
                    .events_e = 0.01,
-                   .serial_events = serial > 0 ? 0.01 : 0};
+                   .serial_events = serial > 0 ? 0.01 : 0,
+                   .stages = std::get<EmccdDescription>(lab.sensor).register_stages};
     const CountFit fit = fit_counts({histogram}, true, start, {.gain = true, .serial = serial > 0});
     EXPECT_NEAR(fit.law.bias_counts, lab.settings.bias_counts, 5 * fit.bias_error);
     EXPECT_NEAR(fit.law.read_noise_counts, mode.read_noise_e / mode.electrons_per_count,

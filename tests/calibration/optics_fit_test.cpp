@@ -1,0 +1,67 @@
+// The fit of sites and optics against images that the simulation's own point-spread table makes, without
+// noise: what comes back wrong is the model's error, and must be small beside the error of a stack.
+#include "calibration/optics_fit.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace atomcam {
+namespace {
+
+TEST(OpticsFit, ModelErrsLessThanAStackKnows) {
+  OpticsDescription optics;
+  optics.pixel_um = 16;
+  optics.magnification = 78.125;
+  optics.zernike_um = {0,       0,       0,      0.0667,  0.0196, -0.0035, 0.0143, 0.0013,
+                       -0.0101, -0.0025, 0.0202, -0.0171, 0.0060, 0.0058,  0.0159};
+  Lattice truth{.columns = 7,
+                .rows = 7,
+                .origin_x = 14.7,
+                .origin_y = 15.3,
+                .a_x = 10.96,
+                .a_y = 0.08,
+                .b_x = -0.11,
+                .b_y = 10.91};
+  const PointSpreadFunction table(optics);
+  PhotonImage sites({96, 96});
+  constexpr double site_e = 145, background_e = 0.14, frames = 300, excess = 2;
+  for (int j = 0; j < truth.rows; ++j)
+    for (int i = 0; i < truth.columns; ++i) table.add_expected(sites, site_e, truth.x(i, j), truth.y(i, j));
+  MeanImage mean;
+  mean.electrons = mean.variance = mean.dark_variance = Image<double, unit::electrons>({96, 96});
+  mean.variance_per_e = excess / frames;
+  for (std::size_t n = 0; n < sites.pixels().size(); ++n) {
+    const double light = static_cast<double>(sites.pixels()[n]) + background_e;
+    mean.electrons.pixels()[n] = light;
+    mean.dark_variance.pixels()[n] = 0.01 / frames;
+    mean.variance.pixels()[n] = 0.01 / frames + mean.variance_per_e * light;
+  }
+  Lattice start = truth;
+  start.origin_x += 0.3;
+  start.origin_y -= 0.2;
+  const OpticsFit fit = fit_optics(mean, optics, start);
+  ASSERT_TRUE(fit.converged);
+  const auto in_errors = [&](double difference, int at) {
+    return difference / std::sqrt(fit.covariance(at, at));
+  };
+  double worst = 0;
+  for (int term = 3; term < zernike_terms; ++term) {
+    const double off = in_errors(fit.zernike_um[term] - optics.zernike_um[term], 3 + term);
+    worst = std::max(worst, std::fabs(off));
+    RecordProperty("zernike_" + std::to_string(term), std::to_string(off));
+    EXPECT_LT(std::fabs(off), 1) << term;
+  }
+  EXPECT_LT(std::fabs(fit.lattice.x(3, 3) - truth.x(3, 3)) / fit.position_error_px, 1);
+  EXPECT_LT(std::fabs(fit.lattice.y(3, 3) - truth.y(3, 3)) / fit.position_error_px, 1);
+  EXPECT_LT(std::fabs(fit.background_e - background_e) / fit.background_error, 1);
+  double total = 0;
+  for (const double e : fit.site_e) total += e / truth.sites();
+  std::printf(
+      "worst Zernike term %.3f, background %.3f of its error; site light %+.2e relative; chi square %.2f\n",
+      worst, (fit.background_e - background_e) / fit.background_error, total / site_e - 1, fit.chi_square);
+  EXPECT_LT(std::fabs(total / site_e - 1), std::sqrt(excess / (site_e * frames * truth.sites())));
+}
+
+}  // namespace
+}  // namespace atomcam

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <numeric>
+#include <set>
 
 #include "base/error.hpp"
 #include "diagnosis/diagnosis.hpp"
@@ -25,10 +26,10 @@ Eigen::VectorXd row_of(const std::vector<double>& values) {
   return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
-/// Deviations of one model in units of another's; 0 where that one has none.
-Eigen::VectorXd ratio_of(const Standard& model, const Standard& unit) {
-  return (unit.deviation().array() > 0)
-      .select(model.deviation().array() / unit.deviation().array().max(1e-300), 0.0);
+/// Deviations of a model in units of the larger of two models' deviations; 0 where one of them has none.
+Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
+  const auto a = model.deviation().array(), b = other.deviation().array();
+  return (a > 0 && b > 0).select(a / a.max(b).max(1e-300), 0.0);
 }
 
 /// The stack numbers of one population are far from those of all others.
@@ -184,6 +185,8 @@ class Diagnoser {
       return a.model.distance < b.model.distance;
     };
     std::sort(contenders.begin(), contenders.end(), nearer);
+    std::set<std::vector<std::string>> seen;
+    std::erase_if(contenders, [&](const Contender& one) { return !seen.insert(one.model.effects).second; });
     if (contenders.size() > 3) contenders.resize(3);
     while (contenders.size() > 1 &&
            contenders.back().model.distance > std::max(2.0, 2 * contenders.front().model.distance))
@@ -226,7 +229,8 @@ class Diagnoser {
 
   /// Closed fraction over all frames, in units of the plain model's deviations.
   double closed_by(const Model& model) const {
-    const Eigen::VectorXd ratio = ratio_of(*model.standard, *plain_.standard);
+    const Eigen::VectorXd ratio = in_larger_units(*model.standard, *plain_.standard);
+    const double before = gap_of(plain_.z.cwiseProduct(in_larger_units(*plain_.standard, *model.standard)));
     const double after = gap_of(model.z.cwiseProduct(ratio));
     std::vector<double> floors;
     for (Eigen::Index n = 0; n < model.standard->own().rows(); ++n)
@@ -234,7 +238,7 @@ class Diagnoser {
     std::nth_element(floors.begin(), floors.begin() + static_cast<std::ptrdiff_t>(floors.size() / 2),
                      floors.end());
     const double floor = floors[floors.size() / 2];
-    return plain_.gap > floor ? 1 - std::max(0.0, after - floor) / (plain_.gap - floor) : 0;
+    return before > floor ? 1 - std::max(0.0, after - floor) / (before - floor) : 0;
   }
 
   void note(const Model& model, double evidence) {
@@ -274,6 +278,17 @@ class Diagnoser {
     for (std::size_t k = 0; k < std::min<std::size_t>(6, scans.size()); ++k) {
       if (k > 1 && scans[k].log_likelihood < 0.4 * scans[0].log_likelihood - 20) break;
       contenders.push_back({with(plain_, scans[k]), scans[k].log_likelihood});
+      if (k >= 3) continue;
+      // Also from the stack that really came nearest: the emulator may have led elsewhere.
+      Scan nearest_one;
+      nearest_one.effect = scans[k].effect;
+      nearest_one.open = scans[k].open;
+      nearest_one.width = scans[k].width;
+      Eigen::Index at = 0;
+      scans[k].miss.minCoeff(&at);
+      nearest_one.best = scans[k].draws.row(at).transpose();
+      if (((nearest_one.best - scans[k].best).cwiseAbs().array() > scans[k].width.array()).any())
+        contenders.push_back({with(plain_, nearest_one), scans[k].log_likelihood});
     }
     std::vector<Model> singles = fit_and_judge(std::move(contenders), 0.58, 0.8);
     if (choose(singles)) return;
@@ -330,7 +345,7 @@ class Diagnoser {
   /// Nothing is left that the model does not have, or as little of a large gap as somebody's camera and the
   /// catalogue's model of its effect may well differ.
   bool passes(const Model& model) const {
-    return model.p_value >= reject_level || (model.distance < like_own && closed_by(model) > 0.85);
+    return model.p_value >= reject_level || (model.distance < like_own && closed_by(model) > 0.8);
   }
 
   /// Models that pass: one by far the likeliest, or several that the data cannot tell apart.
@@ -415,12 +430,13 @@ class Diagnoser {
     std::vector<Eigen::Index> known;
     for (auto k = final_.first_effect_parameter; k < static_cast<Eigen::Index>(final_.open.size()); ++k)
       known.push_back(k);
-    const Standard fitting(final_.population, Part::fitting);
+    const Standard fitting(final_.population, Part::fitting, {}, {}, 8);
     const Eigen::VectorXd fitted = fitting.estimate(row_of(real_.part[0]));
     Eigen::VectorXd values(static_cast<Eigen::Index>(known.size()));
     for (std::size_t k = 0; k < known.size(); ++k) values(static_cast<Eigen::Index>(k)) = fitted(known[k]);
-    const Standard after(final_.population, Part::held_out, known);
-    const Eigen::VectorXd ratio = ratio_of(after, before);
+    const Standard after(final_.population, Part::held_out, known, {}, 8);
+    const Eigen::VectorXd ratio = in_larger_units(after, before);
+    gap.before = gap_of(before.judge(held_out).cwiseProduct(in_larger_units(before, after)));
     gap.after = gap_of(after.judge(held_out, values).cwiseProduct(ratio));
     floors.clear();
     for (Eigen::Index n = 0; n < after.own().rows(); ++n)

@@ -7,10 +7,10 @@
 namespace atomcam {
 namespace {
 
-constexpr double winsor = 4;         // deviations beyond this count as this in a step
-constexpr double trust = 2.5;        // widths of an effect's parameter that a step may go
-constexpr double plain_trust = 1.5;  // and of a calibration's
-constexpr double prior_widths = 6;   // of a step, in widths: keeps what the data do not say where it is
+constexpr double winsor = 4;        // deviations beyond this count as this in a step
+constexpr double trust = 2.5;       // widths of an effect's parameter that a step may go
+constexpr double plain_trust = 5;   // and of a calibration's
+constexpr double prior_widths = 6;  // of a step, in widths: keeps what the data do not say where it is
 
 constexpr double near = 1.3;  // mean square of the deviations of a place from which widths shrink
 
@@ -124,9 +124,11 @@ class Fitter {
       out.distance = compressed(z - slopes.leftCols(from) * delta).squaredNorm() / static_cast<double>(p);
     }
     Eigen::VectorXd delta = Eigen::VectorXd::Zero(m);
+    // Far from the real stack the large deviations show the way, near it they are somebody else's.
+    const double limit = winsor * std::max(1.0, out.distance);
     for (int round = 0; round < 12; ++round) {
       const Eigen::VectorXd rest = z - slopes * delta;
-      delta += inverse.solve(weighted.transpose() * rest.cwiseMax(-winsor).cwiseMin(winsor));
+      delta += inverse.solve(weighted.transpose() * rest.cwiseMax(-limit).cwiseMin(limit));
       for (Eigen::Index j = 0; j < m; ++j) {
         const double most = j < from ? plain_trust : trust;
         delta(j) = std::clamp(delta(j), -most, most);

@@ -77,7 +77,7 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   else
     discrepancy = optical_detail(Standard(model.population, Part::whole).deviation(), plan);
   model.standard = std::make_unique<Standard>(model.population, Part::whole, std::vector<Eigen::Index>{},
-                                              std::move(discrepancy));
+                                              std::move(discrepancy), plain ? 8 : 3);
   model.test = std::make_unique<OmnibusTest>(*model.standard);
   model.z = model.standard->judge(statistics);
   model.estimate = model.standard->estimate(statistics);
@@ -128,9 +128,10 @@ void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std
     double shift = sum / count;
     const double ratio = one.pull == 0 ? 0 : shift / one.pull;
     one.pull = shift;
+    one.steady = ratio > 0 ? one.steady + 1 : 0;
     // Calibration may answer weakly to a parameter: steps that keep their sign are summed up at once
     // (Aitken).
-    if (std::fabs(shift) > 2 * one.width && ratio > 0) shift /= 1 - std::min(ratio, 0.67);
+    if (std::fabs(shift) > 2 * one.width && one.steady >= 2) shift /= 1 - std::min(ratio, 0.6);
     one.centre += shift;
     one.lowest = one.centre - 5 * one.width;
     one.highest = one.centre + 5 * one.width;

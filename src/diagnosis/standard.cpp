@@ -8,9 +8,6 @@ namespace {
 
 constexpr double winsor = 5;         // residuals count at most this many deviations in the estimates
 constexpr double prior_widths = 10;  // of a parameter, in widths of its draws
-// No parameter is farther off, in widths: calibration has seen to that. An effect must not be taken for a
-// calibration that is hopelessly wrong.
-constexpr double known_to = 3;
 constexpr int folds = 10;
 constexpr double largest_z = 1e4;
 constexpr double ordinary = 4;  // deviations that a model's own stacks have now and then
@@ -122,15 +119,15 @@ Eigen::VectorXd Standard::deltas(const Fit& fit, const Eigen::VectorXd& z,
   for (int round = 0; round < 5; ++round) {
     const Eigen::VectorXd rest = z - fit.slope * delta;
     delta += fit.estimator * rest.cwiseMax(-winsor).cwiseMin(winsor);
-    delta = delta.cwiseMax(-known_to).cwiseMin(known_to);
+    delta = delta.cwiseMax(-reach_).cwiseMin(reach_);
     put_known();
   }
   return delta;
 }
 
 Standard::Standard(const Population& population, Part part, std::vector<Eigen::Index> known,
-                   Eigen::VectorXd discrepancy)
-    : known_(std::move(known)), discrepancy_(std::move(discrepancy)) {
+                   Eigen::VectorXd discrepancy, double reach)
+    : known_(std::move(known)), discrepancy_(std::move(discrepancy)), reach_(reach) {
   const Eigen::MatrixXd& statistics = values_of(population, part);
   const Eigen::Index n = statistics.rows(), p = statistics.cols(), m = population.draws.cols();
   fit_ = fit(statistics, population.draws);

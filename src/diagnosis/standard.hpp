@@ -20,9 +20,11 @@ class Standard {
  public:
   /// `known`: columns of the draws whose value judge() is given instead of estimating it. `discrepancy`: by
   /// how much the model may be wrong about each statistic (1 sigma, in the statistic's unit; empty: not at
-  /// all).
+  /// all). `reach`: no parameter is farther from the centre of the draws, in their widths. Calibration has
+  /// seen to that for the plain model: an effect must not be taken for a calibration that is hopelessly
+  /// wrong.
   Standard(const Population& population, Part part, std::vector<Eigen::Index> known = {},
-           Eigen::VectorXd discrepancy = {});
+           Eigen::VectorXd discrepancy = {}, double reach = 3);
 
   /// Residuals in standard deviations, one per statistic (0 where it cannot be said). `known_values`: of the
   /// known columns, coordinates.
@@ -54,6 +56,7 @@ class Standard {
 
   std::vector<Eigen::Index> known_;
   Eigen::VectorXd discrepancy_;
+  double reach_;
   Fit fit_;
   Eigen::VectorXd deviation_;
   std::vector<bool> erratic_;

@@ -25,6 +25,7 @@ struct Uncertain {
   /// stack.
   bool shared = false;
   double pull = 0;  // by how much the last recalibration moved the centre
+  int steady = 0;   // how many before it moved it to the same side
   std::function<void(Lab&, double coordinate)> apply;
   std::function<double(double coordinate)> value;  // in the parameter's unit
   /// By how much a calibration says more than another, as a coordinate; empty for an effect's parameter.

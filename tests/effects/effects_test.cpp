@@ -288,6 +288,31 @@ TEST(CountEffects, HaveTheirSizes) {
   EXPECT_FLOAT_EQ(row[0], 200 + 20000 * 0.95f);
 }
 
+TEST(CountEffects, NoPixelCarriesADefectTwice) {
+  const Stage stage;
+  const auto dual = make("dual_adc_peaks", {0.5, 10, 0});
+  double pixels = 0;
+  for (int r = 0; r < 128; ++r) {
+    std::vector<float> row(128, 200);
+    dual->apply_to_counts(r, row, stage.context("dual_adc_peaks", 3));
+    for (const float counts : row) {
+      EXPECT_TRUE(counts == 195 || counts == 200 || counts == 205) << counts;
+      pixels += counts != 200;
+    }
+  }
+  EXPECT_NEAR(pixels, 8192, 5 * 64);  // binomial
+}
+
+TEST(CountEffects, SizesOfDefectsSpreadAsAsked) {
+  RandomStream random(1, stream_id("test/sizes"), 0, 0);
+  for (const double spread : {0.0, 0.3, 1.0}) {
+    Moments sizes;
+    for (int n = 0; n < 20000; ++n) sizes.add(relative_size(random, spread));
+    EXPECT_NEAR(sizes.mean(), 1, 5 * spread / std::sqrt(20000.0) + 1e-12);
+    EXPECT_NEAR(sizes.variance(), spread * spread, 5 * sizes.variance_error() + 1e-12);
+  }
+}
+
 TEST(CountEffects, TelegraphPixelsSpendHalfTheirTimeInEachLevelAndDwell) {
   const Stage stage;
   const auto telegraph = make("random_telegraph_noise", {0.05, 20, 5});

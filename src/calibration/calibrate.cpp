@@ -111,6 +111,9 @@ class Calibrator {
     } else {
       no_sites();
     }
+    use_background();
+    use_flats();
+    if (input_.full) fit_single_parts();
     write_lab_values();
     result_.model = stack_model(result_.lab);
     result_.counts_per_electron_error =
@@ -200,6 +203,7 @@ class Calibrator {
       start.stages = stages();
       CountFitOptions options;
       options.gain = multiplied();
+      options.serial = input_.full && multiplied();
       dark_histogram_ = histogram_of(occurrences, bias_, noise_, counts_per_electron());
       result_.counts = fit_counts({dark_histogram_}, true, start, options);
       bias_ = result_.counts.law.bias_counts;
@@ -209,6 +213,13 @@ class Calibrator {
       bias_error_ = result_.counts.bias_error;
       noise_error_ = result_.counts.read_noise_error;
       gain_error_ = result_.counts.em_gain_error;
+      if (options.serial) {
+        const CountFit& fit = result_.counts;
+        if (fit.law.serial_events > 2 * fit.serial_error)
+          result_.lab.effects["serial_cic"] = {std::min(1.0, fit.law.serial_events)};
+        else
+          result_.lab.effects.erase("serial_cic");
+      }
       dark_error_ = result_.counts.events_error[0];
     } else {
       result_.dark_maps = fit_qcmos_darks(input_.darks ? dark_ : light_);
@@ -310,12 +321,44 @@ class Calibrator {
     const double total =
         std::max(0.0, std::accumulate(result_.optics.site_e.begin(), result_.optics.site_e.end(), 0.0));
     mean_site_e_ = total / std::max<std::size_t>(1, result_.optics.site_e.size());
-    const double noise = std::sqrt(mean.variance.pixels()[0]) * 4;
+    // A lattice that looks for light in noise finds some: eight errors of the mean over the sites, each of
+    // which spreads over some twenty pixels.
+    const double pixel_variance =
+        mean.dark_variance.pixels()[0] + mean.variance_per_e * std::max(0.0, result_.optics.background_e);
+    const double noise =
+        std::sqrt(pixel_variance) *
+        std::max(4.0, 8 * std::sqrt(20 / static_cast<double>(notes_.grid->rows * notes_.grid->columns)));
     if (!(mean_site_e_ > noise))
       throw Error("frames",
                   fmt::format("no light where the notes list {} sites: {:.3f} e- a site and frame on "
                               "average, {:.3f} is the noise",
                               notes_.grid->rows * notes_.grid->columns, mean_site_e_, noise));
+    // An even image must be much worse than one with sites, whose many parameters also fit noise.
+    double weights = 0, first = 0, second = 0;
+    for (std::size_t i = 0; i < mean.electrons.pixels().size(); ++i) {
+      if (mean.variance.pixels()[i] > 1e6) continue;
+      const double weight = 1 / (mean.dark_variance.pixels()[i] +
+                                 mean.variance_per_e * std::max(0.0, result_.optics.background_e));
+      const double value = mean.electrons.pixels()[i];
+      weights += weight, first += weight * value, second += weight * value * value;
+    }
+    // In units of the errors that the image has: without darks, they come out too small.
+    const double wide =
+        std::max(1.0, result_.optics.chi_square / std::max(1, result_.optics.degrees_of_freedom));
+    const double gained = (second - first * first / weights - result_.optics.chi_square) / wide;
+    const double by_noise = static_cast<double>(result_.optics.site_e.size() + 18) * 4 + 100;
+    if (!input_.like && !(gained > by_noise))
+      throw Error("frames",
+                  fmt::format("no light where the notes list {} sites: with them chi square falls by "
+                              "{:.0f}, {:.0f} may be noise",
+                              notes_.grid->rows * notes_.grid->columns, gained, by_noise));
+    constexpr double least_px = 0.3;
+    if (!input_.like && !(result_.optics.position_error_px < least_px))
+      throw Error(
+          "frames",
+          fmt::format("the notes list {} sites, but the light there does not have the shape of sites: their "
+                      "positions come out with an error of {:.2g} pixels, {} is allowed",
+                      notes_.grid->rows * notes_.grid->columns, result_.optics.position_error_px, least_px));
     for (const double e : result_.optics.site_e) result_.site_brightness.push_back(e / mean_site_e_);
     place_lattice();
   }
@@ -449,7 +492,14 @@ class Calibrator {
     for (const double value : by_block) spread += (value - mean) * (value - mean) / (blocks - 1);
     // In units of the gain so far: 1 if it was right.
     const double ratio = mean / excess(), ratio_error = std::sqrt(spread / blocks) / excess();
-    if (!(ratio > 0.3 && ratio < 3)) return;
+    if (!(ratio > 0.3 && ratio < 3)) {
+      const std::string what =
+          fmt::format("light varies {:.3g} times as much as {} counts per electron say", ratio, k);
+      if (!input_.like && (ratio > 10 || ratio < 0.1))
+        throw Error(notes_.place + ": settings", what + ": notes of another camera or other settings?");
+      result_.warnings.push_back(what);
+      return;
+    }
     double correction = ratio;
     if (multiplied()) {
       // Together with the tail of the histogram, each by its own error.
@@ -576,6 +626,120 @@ class Calibrator {
       light += light_.mean(i), dark += dark_.mean(i);
     background_e_ = std::max(
         0.0, (light - dark) / static_cast<double>(light_.sum.pixels().size()) / counts_per_electron());
+  }
+
+  /// Frames without atoms: the light in them, and with another exposure what does not grow with it.
+  void use_background() {
+    if (!input_.background) return;
+    if (!(input_.background->shape() == frames_.shape()))
+      throw Error(
+          "background",
+          fmt::format("has {} rows and {} columns, the frames {} and {}", input_.background->shape().rows,
+                      input_.background->shape().columns, frames_.shape().rows, frames_.shape().columns));
+    if (input_.background->frames() < 2) throw Error("background", "has one frame, 2 or more are needed");
+    const StackSums sums = sum_stack(*input_.background);
+    const std::vector<std::uint8_t> odd = odd_pixels();
+    const double k = counts_per_electron(), n = static_cast<double>(sums.frames);
+    double level = 0, variance = 0, used = 0;
+    for (std::size_t i = 0; i < odd.size(); ++i) {
+      if (odd[i]) continue;
+      level += (sums.mean(i) - dark_level(i)) / k + dark_e_;
+      variance += sums.variance(i) / n / (k * k);
+      used += 1;
+    }
+    level /= used;
+    // Means of frames scatter more than their pixels say if the light or the baseline does.
+    double mean = 0, spread = 0;
+    for (const double value : sums.frame_mean) mean += value / n;
+    for (const double value : sums.frame_mean)
+      spread += (value - mean) * (value - mean) / (n - 1) / n / (k * k);
+    const double error = std::sqrt(std::max(variance / (used * used), spread) + std::pow(bias_error_ / k, 2));
+    const double exposure =
+        input_.background_exposure_s > 0 ? input_.background_exposure_s : notes_.exposure_s;
+    if (std::fabs(exposure - notes_.exposure_s) < 1e-9) {
+      background_e_ = std::max(0.0, level - dark_e_);
+      result_.background_error = std::hypot(error, dark_error_);
+      return;
+    }
+    const double of_frames = dark_e_ + background_e_;
+    const double frames_error =
+        std::hypot(result_.has_sites ? result_.optics.background_error : 0, dark_error_);
+    const double apart = notes_.exposure_s - exposure;
+    ExposureSplit split;
+    split.rate_e_per_s = (of_frames - level) / apart;
+    split.rate_error_e_per_s = std::hypot(frames_error, error) / std::fabs(apart);
+    split.offset_e = (level * notes_.exposure_s - of_frames * exposure) / apart;
+    split.offset_error = std::hypot(error * notes_.exposure_s, frames_error * exposure) / std::fabs(apart);
+    result_.exposures = split;
+    // Without darks the two exposures alone tell charge from light; with them the darks know it better.
+    if (!input_.darks && emccd()) {
+      dark_e_ = std::max(0.0, split.offset_e) + notes_.dark_e_per_s * notes_.exposure_s;
+      background_e_ = std::max(0.0, of_frames - dark_e_);
+    }
+  }
+
+  void use_flats() {
+    if (input_.flats.empty()) return;
+    if (!input_.darks) throw Error("flats", "need darks of the same settings beside them");
+    tell("flats", 0.9);
+    std::vector<FlatLevel> levels;
+    for (const CalibrationInput::Flats& flats : input_.flats)
+      levels.push_back(flat_level(*flats.frames, *input_.darks, flats.exposure));
+    result_.flats = photon_transfer(std::move(levels));
+  }
+
+  /// Brightness of each site from the frames in which its atom is there; maps from the dark frames.
+  void fit_single_parts() {
+    if (result_.has_sites && !brightness_.empty()) {
+      const std::size_t sites = static_cast<std::size_t>(result_.optics.lattice.sites());
+      std::vector<double> mean(sites, 0), error(sites, 0);
+      double all = 0, counted = 0;
+      for (std::size_t s = 0; s < sites; ++s) {
+        double sum = 0, squares = 0, count = 0;
+        for (std::size_t at = s; at < brightness_.size(); at += sites)
+          if (const double e = brightness_[at]; e > 0.5 * atom_e_) sum += e, squares += e * e, count += 1;
+        if (count < 2) continue;
+        mean[s] = sum / count;
+        error[s] = std::sqrt(std::max(0.0, squares / count - mean[s] * mean[s]) / (count - 1));
+        all += mean[s], counted += 1;
+      }
+      if (counted > 0) {
+        all /= counted;
+        std::vector<Site> list = result_.lab.scene.sites;
+        result_.site_brightness_error.assign(sites, 0);
+        for (std::size_t s = 0; s < sites && s < list.size(); ++s) {
+          // A site that never had an atom keeps the mean.
+          list[s].brightness = mean[s] > 0 ? mean[s] / all : 1;
+          result_.site_brightness[s] = list[s].brightness;
+          result_.site_brightness_error[s] = error[s] / all;
+        }
+        result_.lab.layout = list;
+        result_.lab.place_sites();
+      }
+    }
+    if (!input_.darks) return;
+    PixelMaps& maps = result_.maps;
+    const Shape shape = dark_.sum.shape();
+    for (auto* map : {&maps.offset, &maps.offset_error, &maps.noise, &maps.noise_error})
+      *map = Image<double, unit::counts>(shape);
+    const double n = static_cast<double>(dark_.frames);
+    std::vector<double> offsets;
+    for (std::size_t i = 0; i < shape.pixels(); ++i) {
+      const double variance = dark_.variance(i), noise = std::sqrt(variance);
+      maps.offset.pixels()[i] = dark_.mean(i);
+      maps.offset_error.pixels()[i] = noise / std::sqrt(n);
+      maps.noise.pixels()[i] = noise;
+      maps.noise_error.pixels()[i] = noise / std::sqrt(2 * (n - 1));
+      offsets.push_back(dark_.mean(i));
+    }
+    std::nth_element(offsets.begin(), offsets.begin() + static_cast<std::ptrdiff_t>(offsets.size() / 2),
+                     offsets.end());
+    const double middle = offsets[offsets.size() / 2];
+    const std::vector<std::uint8_t> odd = odd_pixels();
+    for (std::size_t i = 0; i < odd.size(); ++i)
+      if (odd[i])
+        maps.hot.push_back({static_cast<int>(i) / shape.columns, static_cast<int>(i) % shape.columns,
+                            dark_.mean(i) - middle, maps.noise.pixels()[i]});
   }
 
   double noted_dark_e() const {

@@ -2,6 +2,7 @@
 // Lab parameters from frames, with errors: the paper's section "Fitting Parameter Values", automatic.
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "calibration/atom_fit.hpp"
 #include "calibration/notes.hpp"
 #include "calibration/optics_fit.hpp"
+#include "calibration/photon_transfer.hpp"
 #include "calibration/sensor_fit.hpp"
 #include "simulation/lab.hpp"
 
@@ -31,11 +33,37 @@ struct CalibrationInput {
   const FrameSequence* frames = nullptr;
   const FrameSequence* darks = nullptr;       // shutter closed, same settings
   const FrameSequence* background = nullptr;  // shutter open, no atoms
+  double background_exposure_s = 0;           // 0: that of the frames
+  /// Evenly lit frames at several levels, same settings, with what each was exposed (0: not known); they need
+  /// darks.
+  struct Flats {
+    const FrameSequence* frames = nullptr;
+    double exposure = 0;
+  };
+  std::vector<Flats> flats = {};
+  /// Beyond the plain model: serial clock-induced charge, the brightness of each site, maps of pixels.
+  bool full = false;
   /// The frames that are used: n such that use(n); empty: all.
   std::function<bool(std::size_t)> use;
   std::function<void(std::string_view step, double done)> progress;
   /// A calibration of a stack much like this one, to start from.
   const struct Calibration* like = nullptr;
+};
+
+/// Of each pixel, from dark frames; the offset includes the dark current of the exposure.
+struct PixelMaps {
+  Image<double, unit::counts> offset, offset_error, noise, noise_error;  // empty: not fitted
+  struct HotPixel {
+    int row = 0, column = 0;
+    double excess_counts = 0, noise_counts = 0;  // mean above the median pixel; rms in time
+  };
+  std::vector<HotPixel> hot;
+};
+
+/// Light that grows with the exposure and charge that does not, from two exposures.
+struct ExposureSplit {
+  double offset_e = 0, offset_error = 0;            // clock-induced charge, e per pixel and frame
+  double rate_e_per_s = 0, rate_error_e_per_s = 0;  // dark current and stray light
 };
 
 struct Calibration {
@@ -46,11 +74,15 @@ struct Calibration {
   QcmosDarkFit dark_maps;  // qCMOS
   OpticsFit optics;
   AtomFit atoms;
-  std::vector<double> site_brightness;  // mean light of each site relative to the mean over sites
+  std::vector<double> site_brightness;        // mean light of each site relative to the mean over sites
+  std::vector<double> site_brightness_error;  // full model
+  PixelMaps maps;                             // full model with darks
+  std::optional<ExposureSplit> exposures;     // background at another exposure
+  std::optional<PhotonTransfer> flats;
   std::vector<std::string> warnings;
   bool has_sites = false;
   double counts_per_electron_error = 0;  // 0: taken from the notes
-  double background_error = 0;           // e per pixel and frame, of a stack without sites
+  double background_error = 0;           // e per pixel and frame; 0: that of the optics' fit
 };
 
 /// The plain model fitted to a stack. Throws Error for stacks that cannot be what the notes say (shape,

@@ -28,9 +28,26 @@ nlohmann::ordered_json calibration_json(const Calibration& calibration) {
     fit("mean image", calibration.optics.chi_square, calibration.optics.degrees_of_freedom);
     fit("histogram of site brightness", calibration.atoms.chi_square, calibration.atoms.bins);
   }
-  return {{"parameters", std::move(parameters)},
-          {"goodness_of_fit", std::move(fits)},
-          {"warnings", calibration.warnings}};
+  Json out = {{"parameters", std::move(parameters)},
+              {"goodness_of_fit", std::move(fits)},
+              {"warnings", calibration.warnings}};
+  if (!calibration.site_brightness_error.empty()) {
+    Json sites = Json::array();
+    for (std::size_t s = 0; s < calibration.site_brightness_error.size(); ++s)
+      sites.push_back({{"brightness", number(calibration.site_brightness[s])},
+                       {"error", number(calibration.site_brightness_error[s])}});
+    out["site_brightness"] = std::move(sites);
+  }
+  if (!calibration.maps.offset.pixels().empty()) {
+    Json hot = Json::array();
+    for (const PixelMaps::HotPixel& one : calibration.maps.hot)
+      hot.push_back({{"row", one.row},
+                     {"column", one.column},
+                     {"excess_counts", number(one.excess_counts)},
+                     {"noise_counts", number(one.noise_counts)}});
+    out["hot_pixels"] = std::move(hot);
+  }
+  return out;
 }
 
 }  // namespace atomcam

@@ -25,13 +25,29 @@ class Table {
       emccd();
     else
       qcmos();
-    const double background_error =
-        calibration_.has_sites ? calibration_.optics.background_error : calibration_.background_error;
+    const double background_error = calibration_.background_error > 0 || !calibration_.has_sites
+                                        ? calibration_.background_error
+                                        : calibration_.optics.background_error;
     fit("light.stray_light_photons_per_s x quantum_efficiency x exposure_s", "e/pixel/frame",
         notes_.stray_e_per_s * notes_.exposure_s, model.background_e,
         with_gain(background_error, model.background_e));
     split("light.stray_light_photons_per_s", "1/s", notes_.stray_e_per_s / notes_.quantum_efficiency,
           lab_.stray_light_photons_per_s);
+    if (calibration_.exposures) {
+      const ExposureSplit& split = *calibration_.exposures;
+      fit("two exposures: clock_induced_charge_e", "e/pixel/frame", notes_.clock_induced_charge_e,
+          split.offset_e, with_gain(split.offset_error, split.offset_e));
+      fit("two exposures: dark_rate_e_per_s + stray light x quantum_efficiency", "e/pixel/s",
+          notes_.dark_e_per_s + notes_.stray_e_per_s, split.rate_e_per_s,
+          with_gain(split.rate_error_e_per_s, split.rate_e_per_s));
+    }
+    if (calibration_.flats) {
+      const PhotonTransfer& flats = *calibration_.flats;
+      fit("flats: em_gain / electrons_per_count", "counts/e", notes_.em_gain / notes_.electrons_per_count,
+          flats.slope / model.excess_noise, flats.slope_error / model.excess_noise);
+      if (flats.linearity_error > 0)
+        fit("flats: mean deviation from a line (EMVA 1288)", "1", not_noted, flats.linearity_error, 0);
+    }
     if (calibration_.has_sites) {
       atoms();
       lattice();
@@ -73,6 +89,9 @@ class Table {
     fit("sensor.clock_induced_charge_e + dark_rate_e_per_s x exposure_s", "e/pixel/frame",
         notes_.clock_induced_charge_e + notes_.dark_e_per_s * notes_.exposure_s, dark,
         with_gain(counts.events_error.empty() ? 0 : counts.events_error.front(), dark));
+    if (counts.serial_error > 0)
+      fit("effects.serial_cic.events", "e", notes_.serial_cic_events, counts.law.serial_events,
+          counts.serial_error);
     split("sensor.clock_induced_charge_e", "e/pixel/frame", notes_.clock_induced_charge_e,
           sensor.clock_induced_charge_e);
     split("sensor.dark_rate_e_per_s", "e/pixel/s", notes_.dark_e_per_s, sensor.dark_rate_e_per_s);

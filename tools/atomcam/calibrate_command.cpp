@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <span>
 
 #include "atomcam/command_text.hpp"
 #include "atomcam/commands.hpp"
@@ -18,12 +19,17 @@
 #include "calibration/calibration_json.hpp"
 #include "calibration/report.hpp"
 #include "calibration/stack_frames.hpp"
+#include "data/npy.hpp"
 
 namespace atomcam {
 namespace {
 
 struct CalibrateOptions {
   std::string frames, darks, notes, output, report;
+  std::string background;
+  double background_exposure_s = 0;
+  std::vector<std::string> flats;
+  std::vector<double> flats_exposures;
   std::string model = "plain";
 };
 
@@ -33,6 +39,19 @@ std::string figure(double value, double error) {
   // As many digits as the error has, and one more.
   const int digits = static_cast<int>(std::floor(std::log10(error)));
   return fmt::format("{:.{}f}", value, std::clamp(1 - digits, 0, 9));
+}
+
+void print_flats(const PhotonTransfer& flats) {
+  fmt::print("flats (EMVA 1288): variance over signal {} +- {:.2g} counts, chi square {:.0f} over {}\n",
+             figure(flats.slope, flats.slope_error), flats.slope_error, flats.chi_square,
+             flats.levels.size());
+  fmt::print("{:>10}  {:>12}  {:>12}  {:>10}  {:>12}\n", "exposure", "signal", "variance", "error",
+             "light noise");
+  for (const FlatLevel& level : flats.levels)
+    fmt::print("{:>10}  {:>12.2f}  {:>12.3f}  {:>10.2g}  {:>11.3f}%{}\n",
+               level.exposure > 0 ? fmt::format("{:.4g}", level.exposure) : "-", level.signal_counts,
+               level.variance_counts, level.variance_error, 100 * level.light_noise,
+               level.saturated ? "  saturated" : "");
 }
 
 void print_table(const Calibration& calibration) {
@@ -60,19 +79,47 @@ void print_table(const Calibration& calibration) {
     chi_square("mean image", calibration.optics.chi_square, calibration.optics.degrees_of_freedom);
     chi_square("histogram of site brightness", calibration.atoms.chi_square, calibration.atoms.bins);
   }
+  if (calibration.flats) print_flats(*calibration.flats);
   for (const std::string& warning : calibration.warnings) fmt::print("warning: {}\n", warning);
 }
 
+/// One map a file, float32 [1, row, column]: NumPy reads it, and so does every command that takes a stack.
+void write_maps(const std::filesystem::path& folder, const PixelMaps& maps) {
+  const auto write = [&](const char* name, const Image<double, unit::counts>& map) {
+    if (map.pixels().empty()) return;
+    const std::vector<float> values(map.pixels().begin(), map.pixels().end());
+    NpyWriter file(folder / name, map.shape(), "<f4");
+    file.append(std::as_bytes(std::span(values)));
+    file.close();
+  };
+  write("offset_counts.npy", maps.offset);
+  write("offset_error_counts.npy", maps.offset_error);
+  write("noise_counts.npy", maps.noise);
+  write("noise_error_counts.npy", maps.noise_error);
+}
+
 void run(const CalibrateOptions& options) {
-  if (options.model != "plain") throw Error("--model", fmt::format("is '{}'; allowed: plain", options.model));
+  if (options.model != "plain" && options.model != "full")
+    throw Error("--model", fmt::format("is '{}'; allowed: plain, full", options.model));
+  if (!options.flats_exposures.empty() && options.flats_exposures.size() != options.flats.size())
+    throw Error("--flats-exposure", fmt::format("has {} values for {} stacks of --flats",
+                                                options.flats_exposures.size(), options.flats.size()));
   const Notes notes = read_notes(options.notes);
   const auto frames = open_frames(options.frames);
   const auto darks = options.darks.empty() ? nullptr : open_frames(options.darks);
+  const auto background = options.background.empty() ? nullptr : open_frames(options.background);
+  std::vector<std::unique_ptr<FrameSequence>> flats;
+  for (const std::string& file : options.flats) flats.push_back(open_frames(file));
   if (!options.report.empty()) make_folder(options.report, "--report");
   CalibrationInput input;
   input.notes = notes;
   input.frames = frames.get();
   input.darks = darks.get();
+  input.background = background.get();
+  input.background_exposure_s = options.background_exposure_s;
+  for (std::size_t n = 0; n < flats.size(); ++n)
+    input.flats.push_back({flats[n].get(), options.flats_exposures.empty() ? 0 : options.flats_exposures[n]});
+  input.full = options.model == "full";
   Calibration calibration;
   {
     StepProgress progress;
@@ -83,9 +130,13 @@ void run(const CalibrateOptions& options) {
   if (!options.report.empty()) {
     const std::filesystem::path folder = options.report;
     write_text(folder / "calibration.json", calibration_json(calibration).dump(2) + "\n");
+    write_maps(folder, calibration.maps);
     CommandText command("atomcam calibrate");
     command.add("--frames", options.frames);
     if (!options.darks.empty()) command.add("--darks", options.darks);
+    if (!options.background.empty()) command.add("--background", options.background);
+    for (const std::string& file : options.flats) command.add("--flats", file);
+    if (options.model != "plain") command.add("--model", options.model);
     command.add("--lab", options.notes).add("-o", options.output).add("--report", options.report);
     write_text(folder / "report.html", calibration_report(calibration, input, command.text()));
   }
@@ -101,11 +152,20 @@ void add_calibrate_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand("calibrate", "A lab file whose simulation matches your frames");
   command->add_option("--frames", options->frames, "Stack of frames of the atoms")->required();
   command->add_option("--darks", options->darks, "Stack with the shutter closed, same settings");
+  command->add_option("--background", options->background, "Stack without atoms, light on");
+  command->add_option("--background-exposure", options->background_exposure_s,
+                      "Its exposure in seconds, if not that of the frames");
+  command->add_option("--flats", options->flats,
+                      "Evenly lit stacks, one a level of light; they need --darks");
+  command->add_option("--flats-exposure", options->flats_exposures, "Exposure of each, for the linearity");
   command->add_option("--lab", options->notes, "Notes on the set-up, TOML or JSON (docs/calibration.md)")
       ->required();
   command->add_option("-o,--output", options->output, "Lab file to write (TOML)")->required();
   command->add_option("--report", options->report, "Folder to write report.html and calibration.json into");
-  command->add_option("--model", options->model, "Model to fit: plain")->capture_default_str();
+  command
+      ->add_option("--model", options->model,
+                   "plain; full: also serial clock-induced charge, each site's brightness, maps")
+      ->capture_default_str();
   command->footer(
       "Example:\n"
       "  atomcam calibrate --frames frames.tif --darks darks.tif --lab notes.json -o lab.toml --report "

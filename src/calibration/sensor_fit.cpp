@@ -223,7 +223,13 @@ QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
   const double mean_log = quantile(log_variances, 0.22) - width * (high + skewness / 6 * (high * high - 1));
   const double sigma_median = std::sqrt(std::max(1e-12, std::exp(mean_log + 1 / degrees) - 1.0 / 12));
   fit.read_noise_counts = sigma_median * std::exp(square(fit.read_noise_log_sigma));
-  fit.read_noise_error = fit.read_noise_counts * 1.25 * 0.5 * robust_sigma(log_variances) / std::sqrt(pixels);
+  // Error of ln noise = mean_log / 2 + log_sigma^2 from the covariance of the two quantiles.
+  constexpr double density_low = 0.06804, density_high = 0.29611;  // of the normal law there
+  const double by_width = 0.5 * (-high + width) / (high - low), by_high = 0.5 + by_width, by_low = -by_width;
+  const double quantile_variance = by_high * by_high * 0.22 * 0.78 / square(density_high) +
+                                   by_low * by_low * 0.03 * 0.97 / square(density_low) +
+                                   2 * by_high * by_low * 0.03 * 0.78 / (density_low * density_high);
+  fit.read_noise_error = fit.read_noise_counts * width * std::sqrt(quantile_variance / pixels);
   // Offsets: columns and rows by medians over the other axis.
   std::vector<double> column_level, row_level, rest;
   for (int c = 0; c < columns; ++c) {

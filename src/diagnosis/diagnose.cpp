@@ -345,7 +345,10 @@ class Diagnoser {
   /// Nothing is left that the model does not have, or as little of a large gap as somebody's camera and the
   /// catalogue's model of its effect may well differ.
   bool passes(const Model& model) const {
-    return model.p_value >= reject_level || (model.distance < like_own && closed_by(model) > 0.8);
+    if (model.p_value >= reject_level) return true;
+    if (model.distance >= like_own) return false;
+    const double closed = closed_by(model);
+    return closed > 0.95 || (closed > 0.8 && model.p_value > 1e-7);
   }
 
   /// Models that pass: one by far the likeliest, or several that the data cannot tell apart.

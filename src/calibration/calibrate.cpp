@@ -413,6 +413,7 @@ class Calibrator {
     std::vector<double> rest(pixels);
     constexpr int blocks = 8;  // of frames, for the error of the photon transfer
     std::vector<std::vector<double>> squares(blocks, std::vector<double>(pixels, 0));
+    std::vector<double> block_light(blocks, 0);  // of all sites
     std::size_t visited = 0;
     frames_.visit([&](std::size_t, const CountImage& frame) {
       const auto counts = frame.pixels();
@@ -442,6 +443,8 @@ class Calibrator {
         }
       }
       const int block = static_cast<int>(visited++ % blocks);
+      for (std::size_t s = 0; s < sites; ++s)
+        block_light[static_cast<std::size_t>(block)] += static_cast<double>(brightness_[first + s]);
       for (std::size_t i = 0; i < pixels; ++i) {
         residual_sum[i] += rest[i];
         squares[static_cast<std::size_t>(block)][i] += rest[i] * rest[i];
@@ -479,6 +482,14 @@ class Calibrator {
     double signal = 0, floor = 0;
     for (std::size_t i = 0; i < pixels; ++i)
       if (used[i]) floor += read[i] + leaks_.rest_variance[i], signal += shot[i];
+    // More atoms in a block, more noise in it.
+    double from_sites = 0, from_all = 0, all_light = 0;
+    for (std::size_t i = 0; i < pixels; ++i)
+      if (used[i]) {
+        from_sites += std::max(0.0, light[i] / n) + mean_site_e_ * far[i];
+        from_all += std::max(0.0, light[i] / n) + mean_site_e_ * far[i] + background_e_;
+      }
+    for (const double value : block_light) all_light += value / n;
     double mean = 0, spread = 0;
     for (int block = 0; block < blocks; ++block) {
       double variance = 0, frames = std::floor((n - block - 1) / blocks) + 1;
@@ -486,7 +497,11 @@ class Calibrator {
         const double m = residual_sum[i] / n;
         if (used[i]) variance += (squares[static_cast<std::size_t>(block)][i] / frames - m * m) * n / (n - 1);
       }
-      by_block.push_back((variance - floor) / signal);
+      const double more = all_light > 0 && from_all > 0
+                              ? from_sites / from_all *
+                                    (block_light[static_cast<std::size_t>(block)] / frames / all_light - 1)
+                              : 0;
+      by_block.push_back((variance - floor) / (signal * (1 + more)));
       mean += by_block.back() / blocks;
     }
     for (const double value : by_block) spread += (value - mean) * (value - mean) / (blocks - 1);

@@ -134,7 +134,7 @@ class Commands(unittest.TestCase):
         frames, notes = ["--frames", self.atoms], ["--lab", self.notes]
         self.refused(["none.tif"], 2, "calibrate", "--frames", self.path("none.tif"), *notes, "-o", lab)
         self.refused(["none.json"], 2, "calibrate", *frames, "--lab", self.path("none.json"), "-o", lab)
-        self.refused(["--model", "full", "plain"], 2, "calibrate", *frames, *notes, "-o", lab, "--model", "full")
+        self.refused(["--model", "fullest", "plain"], 2, "calibrate", *frames, *notes, "-o", lab, "--model", "fullest")
         self.refused(["--output"], 2, "calibrate", *frames, *notes)
         self.refused(["no/such/x.toml"], 2, "calibrate", *frames, *notes, "-o", self.path("no/such/x.toml"))
         shape = self.write("shape.json", json.dumps({**NOTES, "shape": [64, 64]}))

@@ -77,7 +77,7 @@ void make(const MakeOptions& options) {
   make_folder(folder / "seals", "--out");
   catch_interrupts();
   at_run_time([&] {
-    Progress progress(static_cast<std::uint64_t>(options.count));
+    Progress progress(static_cast<std::uint64_t>(options.count), "stacks");
     for (int n = 0; n < options.count && !interrupted(); ++n) {
       const Path own = folder / stack_name(n);
       // The notes come last: a folder that has them is complete.
@@ -162,7 +162,7 @@ void score(const ScoreOptions& options) {
                                                      : "excluded";
   catch_interrupts();
   at_run_time([&] {
-    Progress progress(stacks.size());
+    Progress progress(stacks.size(), "stacks");
     std::map<std::string, Outcome> outcomes;
     std::uint64_t done = 0;
     for (const std::string& name : stacks) {

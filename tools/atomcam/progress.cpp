@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
 
 namespace atomcam {
 namespace {
@@ -13,8 +14,8 @@ constexpr int width = 30;  // characters of the bar
 
 }  // namespace
 
-Progress::Progress(std::uint64_t total)
-    : total_(total), terminal_(isatty(STDERR_FILENO) == 1), shown_(start_) {}
+Progress::Progress(std::uint64_t total, std::string noun)
+    : total_(total), noun_(std::move(noun)), terminal_(isatty(STDERR_FILENO) == 1), shown_(start_) {}
 
 Progress::~Progress() {
   if (!drawn_) return;
@@ -39,7 +40,7 @@ void Progress::show() {
   const double rate = static_cast<double>(done_) / std::max(seconds(), 1e-9);
   const auto left =
       rate > 0 ? static_cast<long>(static_cast<double>(total_ - std::min(done_, total_)) / rate + 0.5) : 0;
-  std::string text = fmt::format("{} of {} frames, {:.1f} frames/s, {}:{:02} left", done_, total_, rate,
+  std::string text = fmt::format("{} of {} {}, {:.3g} {}/s, {}:{:02} left", done_, total_, noun_, rate, noun_,
                                  left / 60, left % 60);
   if (terminal_) {
     const auto full = static_cast<std::size_t>(width * static_cast<double>(done_) /

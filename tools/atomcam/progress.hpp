@@ -3,12 +3,14 @@
 
 #include <chrono>
 #include <cstdint>
+#include <string>
 
 namespace atomcam {
 
 class Progress {
  public:
-  explicit Progress(std::uint64_t total);
+  /// `noun`: what is counted, plural.
+  explicit Progress(std::uint64_t total, std::string noun = "frames");
   ~Progress();
   void update(std::uint64_t done);
   double seconds() const;
@@ -18,6 +20,7 @@ class Progress {
   void show();
 
   std::uint64_t total_, done_ = 0;
+  const std::string noun_;
   const bool terminal_;
   const Clock::time_point start_ = Clock::now();
   Clock::time_point shown_;

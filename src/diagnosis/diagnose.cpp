@@ -345,9 +345,10 @@ class Diagnoser {
   /// Nothing is left that the model does not have, or as little of a large gap as somebody's camera and the
   /// catalogue's model of its effect may well differ.
   bool passes(const Model& model) const {
-    if (model.p_value >= reject_level) return true;
-    if (model.distance >= like_own) return false;
     const double closed = closed_by(model);
+    // Stacks that scatter widely are never odd: an explanation also has to take the gap away.
+    if (model.p_value >= reject_level) return closed > 0.6;
+    if (model.distance >= like_own) return false;
     return closed > 0.95 || (closed > 0.8 && model.p_value > 1e-7);
   }
 
@@ -384,7 +385,7 @@ class Diagnoser {
       return a.log_likelihood < b.log_likelihood;
     });
     const double closed = closed_by(*best);
-    if (closed < 0.85) return;
+    if (closed < 0.9) return;
     accept(*best, 0.5 + 0.5 * closed);
     result_.verdict = closed >= 0.95 ? Verdict::explained : Verdict::partly_explained;
   }

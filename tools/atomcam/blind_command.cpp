@@ -14,11 +14,11 @@
 
 #include "atomcam/commands.hpp"
 #include "atomcam/interrupt.hpp"
-#include "atomcam/output_files.hpp"
 #include "atomcam/progress.hpp"
 #include "atomcam/run_command.hpp"
 #include "base/error.hpp"
 #include "calibration/stack_frames.hpp"
+#include "data/output_files.hpp"
 #include "data/stack.hpp"
 #include "diagnosis/blind.hpp"
 #include "diagnosis/diagnosis.hpp"

@@ -4,22 +4,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
-#include <span>
 
 #include "atomcam/command_text.hpp"
 #include "atomcam/commands.hpp"
-#include "atomcam/output_files.hpp"
 #include "atomcam/run_command.hpp"
 #include "atomcam/step_progress.hpp"
 #include "base/error.hpp"
 #include "calibration/calibrate.hpp"
-#include "calibration/calibration_json.hpp"
-#include "calibration/report.hpp"
+#include "calibration/report_folder.hpp"
 #include "calibration/stack_frames.hpp"
-#include "data/npy.hpp"
+#include "data/output_files.hpp"
 
 namespace atomcam {
 namespace {
@@ -83,21 +78,6 @@ void print_table(const Calibration& calibration) {
   for (const std::string& warning : calibration.warnings) fmt::print("warning: {}\n", warning);
 }
 
-/// One map a file, float32 [1, row, column]: NumPy reads it, and so does every command that takes a stack.
-void write_maps(const std::filesystem::path& folder, const PixelMaps& maps) {
-  const auto write = [&](const char* name, const Image<double, unit::counts>& map) {
-    if (map.pixels().empty()) return;
-    const std::vector<float> values(map.pixels().begin(), map.pixels().end());
-    NpyWriter file(folder / name, map.shape(), "<f4");
-    file.append(std::as_bytes(std::span(values)));
-    file.close();
-  };
-  write("offset_counts.npy", maps.offset);
-  write("offset_error_counts.npy", maps.offset_error);
-  write("noise_counts.npy", maps.noise);
-  write("noise_error_counts.npy", maps.noise_error);
-}
-
 void run(const CalibrateOptions& options) {
   if (options.model != "plain" && options.model != "full")
     throw Error("--model", fmt::format("is '{}'; allowed: plain, full", options.model));
@@ -128,9 +108,6 @@ void run(const CalibrateOptions& options) {
   }
   write_text(options.output, write_lab(calibration.lab));
   if (!options.report.empty()) {
-    const std::filesystem::path folder = options.report;
-    write_text(folder / "calibration.json", calibration_json(calibration).dump(2) + "\n");
-    write_maps(folder, calibration.maps);
     CommandText command("atomcam calibrate");
     command.add("--frames", options.frames);
     if (!options.darks.empty()) command.add("--darks", options.darks);
@@ -138,7 +115,7 @@ void run(const CalibrateOptions& options) {
     for (const std::string& file : options.flats) command.add("--flats", file);
     if (options.model != "plain") command.add("--model", options.model);
     command.add("--lab", options.notes).add("-o", options.output).add("--report", options.report);
-    write_text(folder / "report.html", calibration_report(calibration, input, command.text()));
+    write_calibration(options.report, calibration, input, command.text());
   }
   for (const std::string& key : notes.not_understood)
     fmt::print(stderr, "{}: {}: not understood, left alone\n", options.notes, key);

@@ -9,11 +9,11 @@
 
 #include "atomcam/command_text.hpp"
 #include "atomcam/commands.hpp"
-#include "atomcam/file_hash.hpp"
-#include "atomcam/output_files.hpp"
 #include "atomcam/run_command.hpp"
 #include "atomcam/step_progress.hpp"
 #include "calibration/stack_frames.hpp"
+#include "data/file_hash.hpp"
+#include "data/output_files.hpp"
 #include "diagnosis/diagnosis.hpp"
 #include "diagnosis/diagnosis_json.hpp"
 #include "diagnosis/profiles.hpp"

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -16,6 +15,7 @@
 #include "data/file.hpp"
 #include "data/stack_reader.hpp"
 #include "judging/detectors.hpp"
+#include "judging/judgement_json.hpp"
 #include "judging/scores_file.hpp"
 #include "judging/stack_truth.hpp"
 
@@ -33,44 +33,6 @@ struct ScoreOptions {
   int half_width = 0;
   bool json = false;
 };
-
-nlohmann::ordered_json json_of(const Share& share) {
-  nlohmann::ordered_json json;
-  if (share.number == 0) return json;
-  json["value"] = share.value();
-  json["error"] = share.error;
-  json["part"] = share.part;
-  json["number"] = share.number;
-  return json;
-}
-
-nlohmann::ordered_json json_of(const std::vector<Confusion>& rows) {
-  auto list = nlohmann::ordered_json::array();
-  for (const Confusion& row : rows)
-    list.push_back({{"of", row.of},
-                    {"from", row.from},
-                    {"to", std::isfinite(row.to) ? nlohmann::ordered_json(row.to) : nlohmann::ordered_json()},
-                    {"found", json_of(row.found)},
-                    {"false_alarms", json_of(row.false_alarms)}});
-  return list;
-}
-
-nlohmann::ordered_json json_of(const Judgement& judgement) {
-  nlohmann::ordered_json json;
-  json["frames"] = judgement.frames;
-  json["sites"] = judgement.sites;
-  json["threshold"] = judgement.threshold;
-  json["fidelity"] = json_of(judgement.fidelity);
-  json["found"] = json_of(judgement.found);
-  json["false_alarms"] = json_of(judgement.false_alarms);
-  json["auc"] = {{"value", judgement.auc}, {"error", judgement.auc_error}};
-  json["best_threshold"] = judgement.best_threshold;
-  json["best_fidelity"] = judgement.best_fidelity;
-  json["by_brightness"] = json_of(judgement.by_brightness);
-  json["by_loss"] = json_of(judgement.by_loss);
-  json["by_neighbours"] = json_of(judgement.by_neighbours);
-  return json;
-}
 
 std::string text_of(const Share& share) {
   if (share.number == 0) return fmt::format("{:>22}", "-");
@@ -138,7 +100,7 @@ void run(const ScoreOptions& options) {
   const Judgement judgement = judge(scores, truth, threshold, exposure_s);
   if (!options.roc.empty()) write_roc(options.roc, judgement);
   if (options.json)
-    fmt::print("{}\n", json_of(judgement).dump(2));
+    fmt::print("{}\n", judgement_json(judgement).dump(2));
   else
     print(options, judgement);
 }

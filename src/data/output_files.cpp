@@ -1,4 +1,4 @@
-#include "atomcam/output_files.hpp"
+#include "data/output_files.hpp"
 
 #include <fstream>
 

@@ -1,5 +1,5 @@
 #pragma once
-// The files a command writes its results into.
+// Files that results are written into.
 
 #include <filesystem>
 #include <string_view>

@@ -1,4 +1,4 @@
-#include "atomcam/file_hash.hpp"
+#include "data/file_hash.hpp"
 
 #include <fmt/format.h>
 #include <fnmatch.h>

@@ -22,10 +22,6 @@ constexpr double reject_level = 0.005;  // a fitted model below it is not the ex
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 constexpr double like_own = 1.1;        // distance at which a fit is about as near as the model's own stacks
 
-Eigen::VectorXd row_of(const std::vector<double>& values) {
-  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
-}
-
 /// Deviations of a model in units of the larger of two models' deviations; 0 where one of them has none.
 Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
   const auto a = model.deviation().array(), b = other.deviation().array();
@@ -106,7 +102,7 @@ class Diagnoser {
     model.population = simulate_population(model.lab, model.open, stacks, plan_, numbers_.next(), nullptr,
                                            part(step, from, to, stacks));
     const Standard standard(model.population, Part::whole);
-    const Eigen::VectorXd estimate = standard.estimate(row_of(real_.whole));
+    const Eigen::VectorXd estimate = standard.estimate(as_vector(real_.whole));
     for (std::size_t k = 0; k < model.open.size(); ++k) {
       Uncertain& one = model.open[k];
       one.centre +=
@@ -225,19 +221,12 @@ class Diagnoser {
 
   RealStack real_stack() const { return {&real_, &result_.calibration, &notes_}; }
 
-  static double log_odds(const Model& model) { return model.log_likelihood; }
-
   /// Closed fraction over all frames, in units of the plain model's deviations.
   double closed_by(const Model& model) const {
     const Eigen::VectorXd ratio = in_larger_units(*model.standard, *plain_.standard);
     const double before = gap_of(plain_.z.cwiseProduct(in_larger_units(*plain_.standard, *model.standard)));
     const double after = gap_of(model.z.cwiseProduct(ratio));
-    std::vector<double> floors;
-    for (Eigen::Index n = 0; n < model.standard->own().rows(); ++n)
-      floors.push_back(gap_of(model.standard->own().row(n).transpose().cwiseProduct(ratio)));
-    std::nth_element(floors.begin(), floors.begin() + static_cast<std::ptrdiff_t>(floors.size() / 2),
-                     floors.end());
-    const double floor = floors[floors.size() / 2];
+    const double floor = Floor(*model.standard, ratio).at(0.5);
     return before > floor ? 1 - std::max(0.0, after - floor) / (before - floor) : 0;
   }
 
@@ -359,16 +348,16 @@ class Diagnoser {
       if (passes(model)) passed.push_back(&model);
     if (passed.empty()) return false;
     std::sort(passed.begin(), passed.end(),
-              [](const Model* a, const Model* b) { return log_odds(*a) > log_odds(*b); });
-    const double best = log_odds(*passed.front());
+              [](const Model* a, const Model* b) { return a->log_likelihood > b->log_likelihood; });
+    const double best = passed.front()->log_likelihood;
     double total = 0;
-    for (const Model* model : passed) total += std::exp(log_odds(*model) - best);
+    for (const Model* model : passed) total += std::exp(model->log_likelihood - best);
     accept(*passed.front(), 1 / total);
     result_.verdict = Verdict::explained;
     if (1 / total < 0.9) {
       result_.verdict = Verdict::ambiguous;
       for (std::size_t k = 1; k < passed.size(); ++k)
-        if (std::exp(log_odds(*passed[k]) - best) / total > 0.02)
+        if (std::exp(passed[k]->log_likelihood - best) / total > 0.02)
           for (const std::string& name : passed[k]->effects)
             for (FoundEffect& found : result_.effects)
               if (name != found.name) found.confusable_with.push_back(name);
@@ -421,41 +410,31 @@ class Diagnoser {
   /// Before and after on the held-out frames: effects as fitted to the others.
   void how_far() {
     const Standard before(plain_.population, Part::held_out);
-    const Eigen::VectorXd held_out = row_of(real_.part[1]);
+    const Eigen::VectorXd held_out = as_vector(real_.part[1]);
     GapClosed& gap = result_.gap;
     gap.before = gap_of(before.judge(held_out));
-    std::vector<double> floors;
-    for (Eigen::Index n = 0; n < before.own().rows(); ++n)
-      floors.push_back(gap_of(before.own().row(n).transpose()));
-    std::sort(floors.begin(), floors.end());
     gap.after = gap.before;
-    gap.floor = floors[floors.size() / 2];
+    gap.floor = Floor(before).at(0.5);
     if (!have_final_) return;
     std::vector<Eigen::Index> known;
     for (auto k = final_.first_effect_parameter; k < static_cast<Eigen::Index>(final_.open.size()); ++k)
       known.push_back(k);
     const Standard fitting(final_.population, Part::fitting, {}, {}, 8);
-    const Eigen::VectorXd fitted = fitting.estimate(row_of(real_.part[0]));
+    const Eigen::VectorXd fitted = fitting.estimate(as_vector(real_.part[0]));
     Eigen::VectorXd values(static_cast<Eigen::Index>(known.size()));
     for (std::size_t k = 0; k < known.size(); ++k) values(static_cast<Eigen::Index>(k)) = fitted(known[k]);
     const Standard after(final_.population, Part::held_out, known, {}, 8);
     const Eigen::VectorXd ratio = in_larger_units(after, before);
     gap.before = gap_of(before.judge(held_out).cwiseProduct(in_larger_units(before, after)));
     gap.after = gap_of(after.judge(held_out, values).cwiseProduct(ratio));
-    floors.clear();
-    for (Eigen::Index n = 0; n < after.own().rows(); ++n)
-      floors.push_back(gap_of(after.own().row(n).transpose().cwiseProduct(ratio)));
-    std::sort(floors.begin(), floors.end());
-    const auto at = [&](double q) {
-      return floors[static_cast<std::size_t>(q * static_cast<double>(floors.size() - 1))];
+    const Floor floor(after, ratio);
+    gap.floor = floor.at(0.5);
+    const auto closed = [&](double from) {
+      return gap.before > from ? std::clamp(1 - (gap.after - from) / (gap.before - from), -1.0, 1.0) : 0;
     };
-    gap.floor = at(0.5);
-    const auto closed = [&](double floor) {
-      return gap.before > floor ? std::clamp(1 - (gap.after - floor) / (gap.before - floor), -1.0, 1.0) : 0;
-    };
-    gap.closed = closed(at(0.5));
-    gap.closed_low = closed(at(0.05));
-    gap.closed_high = closed(at(0.95));
+    gap.closed = closed(floor.at(0.5));
+    gap.closed_low = closed(floor.at(0.05));
+    gap.closed_high = closed(floor.at(0.95));
     gap.steps.push_back({final_.effects.back(), gap.after});
   }
 
@@ -500,7 +479,6 @@ class Diagnoser {
       result_.verdict = Verdict::unexplained;
     if (result_.verdict == Verdict::unexplained) {
       result_.unexplained.present = true;
-      std::vector<double> evidence;
       result_.unexplained.stage = stage_of_differences(declarations_, plain_.z, result_.hypotheses);
       result_.unexplained.looks_like = describe_differences(declarations_, plain_.z);
     } else if (have_final_ && result_.p_after < reject_level) {

@@ -2,6 +2,8 @@
 // How far a stack is from a model, in one number, and with which probability the model gives as much.
 
 #include <Eigen/Dense>
+#include <array>
+#include <vector>
 
 #include "diagnosis/standard.hpp"
 
@@ -14,27 +16,38 @@ Eigen::MatrixXd compressed_rows(const Eigen::MatrixXd& z);
 /// Mean of the squares of the 12 largest |z|: the gap.
 double gap_of(const Eigen::VectorXd& z);
 
-/// Correlations of a model's statistics, shrunk towards independence; and its inverse.
-struct Correlation {
-  explicit Correlation(const Eigen::MatrixXd& own);
-  Eigen::MatrixXd matrix;
+/// The gap of a model's own stacks, from small to large.
+class Floor {
+ public:
+  /// `units`: by which every statistic's z is multiplied first; empty: by nothing.
+  explicit Floor(const Standard& standard, const Eigen::VectorXd& units = {});
+  double at(double quantile) const;
+
+ private:
+  std::vector<double> sorted_;
 };
 
-/// Does a stack differ from the model? Three views, each with its null from the model's own stacks: the
-/// largest |z|, the gap, and the best of given directions (fingerprints of known effects); one p-value.
+/// Correlations of a model's compressed statistics, shrunk towards independence.
+struct Correlation {
+  explicit Correlation(const Eigen::MatrixXd& own);
+  Eigen::LDLT<Eigen::MatrixXd> solver;
+};
+
+/// Does a stack differ from the model? Two views, each with its null from the model's own stacks: the largest
+/// |z| and the gap; one p-value.
 class OmnibusTest {
  public:
-  /// `directions`: rows, in compressed z; may be empty.
-  OmnibusTest(const Standard& standard, const Eigen::MatrixXd& directions = {});
+  explicit OmnibusTest(const Standard& standard);
   double p_value(const Eigen::VectorXd& z) const;
   /// p-values of the model's own stacks (each was judged without itself).
   const std::vector<double>& own_p_values() const { return own_p_; }
 
  private:
-  Eigen::Vector3d views(const Eigen::VectorXd& z) const;
-  double smallest(const Eigen::Vector3d& views) const;
+  static constexpr int views = 2;
+  using Views = std::array<double, views>;
+  static Views look(const Eigen::VectorXd& z);
+  double smallest(const Views& seen) const;
 
-  Eigen::MatrixXd filters_;
   std::vector<NullDistribution> nulls_;
   std::vector<NullDistribution> combined_;
   std::vector<double> own_p_;

@@ -20,10 +20,6 @@ struct Place {
   double distance = 1e300;
 };
 
-Eigen::VectorXd row_of(const std::vector<double>& values) {
-  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
-}
-
 /// How the statistics follow the effects' parameters about the centre, from a few stacks: straight lines.
 struct Local {
   Eigen::VectorXd middle, noise;  // of the statistics at the centre; of one stack about the lines
@@ -77,7 +73,7 @@ Local straight_lines(const Population& population, const std::vector<Uncertain>&
 class Fitter {
  public:
   Fitter(const FitGround& ground, const StackPlan& plan)
-      : statistics_(row_of(ground.real.values->whole)),
+      : statistics_(as_vector(ground.real.values->whole)),
         unit_(ground.plain->standard->deviation()),
         plain_slopes_(ground.plain->standard->slopes()),
         discrepancy_(allowed_discrepancy(*ground.plain, *ground.real.values, plan)),
@@ -104,8 +100,7 @@ class Fitter {
                           .cwiseProduct(scale) *
                       width;
     }
-    const auto solver = correlation_.matrix.ldlt();
-    const Eigen::MatrixXd weighted = solver.solve(slopes);
+    const Eigen::MatrixXd weighted = correlation_.solver.solve(slopes);
     Eigen::MatrixXd information = slopes.transpose() * weighted;
     information.diagonal().array() += 1 / (prior_widths * prior_widths);
     const auto inverse = information.ldlt();

@@ -8,21 +8,6 @@
 #include "simulation/parallel.hpp"
 
 namespace atomcam {
-namespace {
-
-Eigen::VectorXd row_of(const std::vector<double>& values) {
-  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-}  // namespace
-
 Lab Model::fitted_lab() const {
   Lab fitted = lab;
   for (std::size_t k = 0; k < open.size(); ++k) {
@@ -48,7 +33,7 @@ Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& rea
   constexpr double of_itself = 0.04, of_its_kind = 0.02;
   const auto declarations = battery(plan.model, plan.dark_frames > 0);
   const Eigen::VectorXd& unit = plain.standard->deviation();
-  const Eigen::VectorXd off = (row_of(real.whole) - plain.standard->middle()).cwiseAbs();
+  const Eigen::VectorXd off = (as_vector(real.whole) - plain.standard->middle()).cwiseAbs();
   const auto deviations = [&](Eigen::Index i) {
     return unit(i) > 0 && std::isfinite(off(i)) ? off(i) / unit(i) : 0;
   };
@@ -70,7 +55,7 @@ Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& rea
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,
            const Model* plain, const std::function<void(int)>& progress) {
   model.population = simulate_population(model.lab, model.open, stacks, plan, first, nullptr, progress);
-  const Eigen::VectorXd statistics = row_of(real.whole);
+  const Eigen::VectorXd statistics = as_vector(real.whole);
   Eigen::VectorXd discrepancy;
   if (plain)
     discrepancy = allowed_discrepancy(*plain, real, plan);
@@ -85,15 +70,11 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   const Eigen::VectorXd tolerated = model.standard->tolerated(model.z);
   model.p_value = model.test->p_value(tolerated);
   model.gap = gap_of(model.z);
-  std::vector<double> gaps;
-  for (Eigen::Index n = 0; n < model.standard->own().rows(); ++n)
-    gaps.push_back(gap_of(model.standard->own().row(n).transpose()));
-  model.floor = median(gaps);
+  model.floor = Floor(*model.standard).at(0.5);
   const Correlation correlation(model.standard->own());
-  const auto solver = correlation.matrix.ldlt();
   const Eigen::VectorXd y = compressed(tolerated);
-  model.log_likelihood = -0.5 * y.dot(solver.solve(y)) -
-                         0.5 * solver.vectorD().array().max(1e-12).log().sum() -
+  model.log_likelihood = -0.5 * y.dot(correlation.solver.solve(y)) -
+                         0.5 * correlation.solver.vectorD().array().max(1e-12).log().sum() -
                          (model.standard->deviation().array() > 0)
                              .select(model.standard->deviation().array().max(1e-12).log(), 0.0)
                              .sum();

@@ -28,6 +28,11 @@ std::unique_ptr<FrameSequence> simulate_stack(const Lab& lab, const StackPlan& p
                                               std::uint64_t stack_number, bool shutter_open);
 BatteryValues simulate_and_measure(const Lab& lab, const StackPlan& plan, std::uint64_t stack_number);
 
+/// The battery's values as a vector.
+inline Eigen::VectorXd as_vector(const std::vector<double>& values) {
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
 /// A row per stack.
 struct Population {
   Eigen::MatrixXd draws;    // [stack, open parameter], coordinates

@@ -77,7 +77,7 @@ std::vector<const EffectDeclaration*> candidates(const Model& before,
 
 void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan, std::uint64_t first,
              const std::function<void(int)>& progress) {
-  if (scan.open.empty()) scan.open = effect_prior(*scan.effect, before.lab);
+  if (scan.open.empty()) scan.open = effect_prior(*scan.effect);
   Eigen::MatrixXd own;
   if (!scan.emulator) {
     own = spread_draws(scan.open, stacks, plan.seed, first);
@@ -110,7 +110,7 @@ void match(Scan& scan, const Model& before, const Eigen::VectorXd& z) {
   const Correlation correlation(before.standard->own());
   const auto dimension = static_cast<Eigen::Index>(scan.open.size());
   const Eigen::MatrixXd inverse =
-      correlation.matrix.ldlt().solve(Eigen::MatrixXd::Identity(real.size(), real.size()));
+      correlation.solver.solve(Eigen::MatrixXd::Identity(real.size(), real.size()));
   const double before_log = -0.5 * real.dot(inverse * real);
   // Expected, as the emulator knows it: what it does not know speaks against a place, never for it.
   const auto evidence = [&](const Eigen::VectorXd& at) {

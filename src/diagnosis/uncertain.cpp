@@ -164,7 +164,7 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
   return open;
 }
 
-std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, const Lab& lab) {
+std::vector<Uncertain> effect_prior(const EffectDeclaration& effect) {
   std::vector<Uncertain> open;
   const ParameterValues defaults = [&] {
     ParameterValues values;
@@ -203,7 +203,6 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, const Lab& 
     };
     open.push_back(std::move(one));
   }
-  (void)lab;
   return open;
 }
 

@@ -37,7 +37,7 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration);
 
 /// The parameters of an effect over the whole range that is worth a look; the first is the strength
 /// (logarithmic). Switching the effect on is part of applying any of them.
-std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, const Lab& lab);
+std::vector<Uncertain> effect_prior(const EffectDeclaration& effect);
 
 /// The effect's stage: "scene", "optics" or "sensor".
 std::string stage_of(std::string_view effect);

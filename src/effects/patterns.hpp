@@ -119,6 +119,17 @@ inline double relative_size(RandomStream& random, double spread) {
   return sample_gamma(random, shape) / shape;
 }
 
+/// The parameter that relative_size() takes. `of`: what is spread.
+inline ParameterDeclaration spread_of_sizes(std::string_view of, double default_value) {
+  return {.key = "spread",
+          .unit = "1",
+          .minimum = 0,
+          .maximum = 2,
+          .default_value = default_value,
+          .scale = ParameterScale::linear,
+          .meaning = "Relative spread of " + std::string(of) + " (gamma law; 0: all alike, 1: exponential)."};
+}
+
 /// Calls use(column, random) for every pixel of a plane's row that carries a defect: a fraction of the
 /// sensor's physical pixels, fixed by its serial number. `random` is the defect's own stream of fixed
 /// properties.

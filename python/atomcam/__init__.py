@@ -12,6 +12,7 @@
 """
 
 from . import _core
+from .calibration import Calibration, calibrate
 from .cameras import Camera, EMCCDCamera, QCMOSCamera
 from .catalogue import Effect, Parameter, effects, presets
 from .errors import Error
@@ -21,6 +22,7 @@ from .truth import Truth
 __version__: str = _core.version
 
 __all__ = [
+    "Calibration",
     "Camera",
     "EMCCDCamera",
     "Effect",
@@ -29,6 +31,7 @@ __all__ = [
     "Parameter",
     "QCMOSCamera",
     "Truth",
+    "calibrate",
     "effects",
     "presets",
 ]

@@ -14,6 +14,11 @@ namespace py = pybind11;
 void bind_error(py::module_& module);
 void bind_effects(py::module_& module);
 void bind_lab(py::module_& module);
+/// FrameSequence as "Frames", Notes: what calibration, diagnosis and judging take.
+void bind_stacks(py::module_& module);
+void bind_calibration(py::module_& module);
+void bind_diagnosis(py::module_& module);
+void bind_judging(py::module_& module);
 
 /// A declaration as a dictionary.
 py::dict dictionary_of(const KeyInfo& info);

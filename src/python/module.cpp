@@ -6,4 +6,6 @@ PYBIND11_MODULE(_core, module) {
   atomcam::bind_error(module);
   atomcam::bind_effects(module);
   atomcam::bind_lab(module);
+  atomcam::bind_stacks(module);
+  atomcam::bind_calibration(module);
 }

@@ -10,6 +10,7 @@
 #include "base/error.hpp"
 #include "calibration/parameter_table.hpp"
 #include "calibration/site_model.hpp"
+#include "calibration/stack_check.hpp"
 #include "optics/zernike.hpp"
 
 namespace atomcam {
@@ -100,7 +101,13 @@ class Calibrator {
       Selected darks(*input_.darks, input_.use);
       dark_ = sum_stack(darks.frames() >= 4 ? static_cast<const FrameSequence&>(darks) : *input_.darks);
     }
-    check_saturation();
+    if (!input_.like) {
+      check_stack(light_, "frames");
+      if (input_.darks) {
+        check_stack(dark_, "darks");
+        check_darks(dark_, light_);
+      }
+    }
     tell("sensor", 0.2);
     fit_sensor();
     if (result_.has_sites) {
@@ -146,6 +153,9 @@ class Calibrator {
       throw Error(notes_.place + ": shape",
                   fmt::format("is {} x {}, but the frames have {} rows and {} columns", notes_.shape.rows,
                               notes_.shape.columns, shape.rows, shape.columns));
+    if (input_.darks && input_.darks->frames() < 4)
+      throw Error("darks",
+                  fmt::format("{} frames are too few, 4 or more are needed", input_.darks->frames()));
     if (input_.darks && !(input_.darks->shape() == shape))
       throw Error("darks",
                   fmt::format("have {} rows and {} columns, the frames {} and {}", input_.darks->shape().rows,
@@ -162,20 +172,6 @@ class Calibrator {
                 fmt::format("puts a site at x {:.1f}, y {:.1f}, outside of the frames of {} x {} pixels", x,
                             y, shape.columns, shape.rows));
         }
-  }
-
-  void check_saturation() const {
-    // Saturated: many pixels at the very top of what occurs.
-    std::size_t top = 65535;
-    while (top > 0 && light_.occurrences[top] == 0) --top;
-    const double all = static_cast<double>(light_.frames) * static_cast<double>(light_.sum.pixels().size());
-    if (static_cast<double>(light_.occurrences[top]) > 0.01 * all + 50 && top > 1000)
-      throw Error("frames", fmt::format("{:.1f} % of the pixels have the largest value {}: saturated",
-                                        100 * static_cast<double>(light_.occurrences[top]) / all, top));
-    bool constant = true;
-    for (std::size_t i = 0; i < light_.sum.pixels().size() && constant; ++i)
-      constant = light_.variance(i) == 0;
-    if (constant) throw Error("frames", "all frames are the same: nothing to calibrate from");
   }
 
   // The dark frames, or the darkest pixels of the others.
@@ -509,7 +505,7 @@ class Calibrator {
     const double ratio = mean / excess(), ratio_error = std::sqrt(spread / blocks) / excess();
     if (!(ratio > 0.3 && ratio < 3)) {
       const std::string what =
-          fmt::format("light varies {:.3g} times as much as {} counts per electron say", ratio, k);
+          fmt::format("light varies {:.3g} times as much as {:.3g} counts per electron say", ratio, k);
       if (!input_.like && (ratio > 10 || ratio < 0.1))
         throw Error(notes_.place + ": settings", what + ": notes of another camera or other settings?");
       result_.warnings.push_back(what);

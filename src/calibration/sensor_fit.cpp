@@ -47,14 +47,17 @@ StackSums sum_stack(const FrameSequence& frames) {
     const auto counts = frame.pixels();
     const auto sum = sums.sum.pixels(), squares = sums.sum_of_squares.pixels();
     double total = 0;
+    bool even = true;
     for (std::size_t i = 0; i < counts.size(); ++i) {
       const double c = counts[i];
+      even &= counts[i] == counts[0];
       sum[i] += c;
       squares[i] += c * c;
       total += c;
       ++sums.occurrences[counts[i]];
     }
     sums.frame_mean.push_back(total / static_cast<double>(std::max<std::size_t>(1, counts.size())));
+    sums.even_frames += even;
     ++sums.frames;
   });
   return sums;

@@ -32,6 +32,7 @@ CountFit fit_counts(const std::vector<CountHistogram>& histograms, bool first_is
 /// Sums over a stack: what maps and histograms come from.
 struct StackSums {
   std::size_t frames = 0;
+  std::size_t even_frames = 0;  // that have one value throughout
   Image<double, unit::counts> sum, sum_of_squares;
   std::vector<std::uint64_t> occurrences;  // of each 16-bit count, all pixels
   std::vector<double> frame_mean;

@@ -1,13 +1,16 @@
 """atomcam calibrate and atomcam diagnose from outside: what they write, how they end, what they say about bad
 input. The stacks are small and have no atoms where the diagnosis is what takes long."""
 
+import ast
 import hashlib
 import json
 import os
+import struct
 import subprocess
 import tempfile
 import unittest
 import xml.etree.ElementTree as xml
+from array import array
 
 ATOMCAM = os.environ["ATOMCAM"]
 DATA = os.environ.get("ATOMCAM_DATA")
@@ -49,6 +52,29 @@ def good(*arguments):
     if result.returncode:
         raise AssertionError(result.stderr)
     return result
+
+
+CODES = {"<u2": "H", "<f4": "f"}
+
+
+def load(file):
+    """Shape and values of a .npy file."""
+    with open(file, "rb") as stream:
+        content = stream.read()
+    end = 10 + struct.unpack("<H", content[8:10])[0]
+    header = ast.literal_eval(content[10:end].decode())
+    values = array(CODES[header["descr"]])
+    values.frombytes(content[end:])
+    return header["shape"], values
+
+
+def save(file, shape, values, kind="<u2"):
+    header = repr({"descr": kind, "fortran_order": False, "shape": tuple(shape)})
+    header += " " * (-(len(header) + 11) % 64) + "\n"
+    with open(file, "wb") as stream:
+        stream.write(b"\x93NUMPY\1\0" + struct.pack("<H", len(header)) + header.encode())
+        stream.write(array(CODES[kind], values).tobytes())
+    return file
 
 
 class Commands(unittest.TestCase):
@@ -194,9 +220,64 @@ class Commands(unittest.TestCase):
         self.refused(["row_nois", "catalogue"], 3, "diagnose", *frames, *notes, *out, "--exclude", "row_nois")
         self.refused(["--frames"], 3, "diagnose", *notes, *out)
         self.refused(["--out", "notes.json"], 3, "diagnose", *frames, *notes, "--out", self.notes)
-        few = self.render("few.npy", LAB % 0, 12)
-        self.refused(["12 frames", "40"], 3, "diagnose", "--frames", few, *notes, *out)
-        self.assertFalse(os.path.exists(self.path("refused/diagnosis.json")))
+        self.assertFalse(os.path.exists(self.path("refused")))
+
+    def spoiled(self, words, values, shape=(48, 40, 40), kind="<u2", notes=None, darks=None):
+        """Frames (or, given frames, darks) that cannot be judged: one sentence, and nothing is written."""
+        stack = save(self.path("spoiled.npy"), shape, values, kind)
+        out = self.path("spoiled_out/deeper")
+        stacks = ["--frames", darks, "--darks", stack] if darks else ["--frames", stack]
+        self.refused(words, 3, "diagnose", *stacks, "--lab", notes or self.no_sites, "--out", out)
+        self.assertFalse(os.path.exists(self.path("spoiled_out")))
+
+    def test_diagnose_refuses_frames_that_cannot_be_judged(self):
+        _, plain = load(self.plain)
+        pixels = 40 * 40
+        self.spoiled(["frames: 12 frames are too few", "40"], plain[:12 * pixels], (12, 40, 40))
+        self.spoiled(["no_sites.json: shape", "40 x 40", "32 rows"], plain[:48 * 32 * 40], (48, 32, 40))
+        self.spoiled(["frames: ", "are 65535, the largest: saturated", "0.1 %"], [min(65535, 300 * v) for v in plain])
+        self.spoiled(["frames: all 48 frames are the same"], plain[:pixels] * 48)
+        self.spoiled(["frames: 48 of 48 frames have one value throughout", "10 %"],
+                     [200 + n % 3 for n in range(48) for _ in range(pixels)])
+        broken = array("f", plain)
+        broken[20 * pixels + 3 * 40 + 4] = float("nan")
+        self.spoiled(["spoiled.npy: frame 20: pixel [3, 4] is nan", "65535"], broken, kind="<f4")
+        with open(self.plain, "rb") as whole, open(self.path("cut.npy"), "wb") as cut:
+            cut.write(whole.read()[:-1000])
+        self.refused(["cut.npy: frame 47", "cut off"], 3, "diagnose", "--frames", self.path("cut.npy"), "--lab",
+                     self.no_sites, "--out", self.path("cut_out"))
+
+    def test_diagnose_refuses_saturated_atoms_and_sites_without_atoms(self):
+        atoms = self.render("atoms.npy", LAB % 0.6, 60)
+        shape, values = load(atoms)
+        # The full well of the brightest pixels only.
+        top = sorted(values)[int(0.985 * len(values))]
+        self.spoiled([f"are {top}, the largest: saturated"], [min(v, top) for v in values], shape, notes=self.notes)
+        _, plain = load(self.plain)
+        self.spoiled(["frames: no light where the notes list 9 sites"], plain, notes=self.notes)
+
+    def test_diagnose_refuses_notes_of_another_camera(self):
+        settings = {**NOTES["settings"]}
+        del settings["em_gain"]
+        other = self.write("other.json", json.dumps({"camera": "ORCA-Quest", "settings": settings, "site_grid": GRID}))
+        self.refused(["other.json: settings", "another camera"], 3, "diagnose", "--frames", self.atoms, "--lab", other,
+                     "--out", self.path("other"))
+        self.assertFalse(os.path.exists(self.path("other")))
+
+    def test_diagnose_refuses_darks_that_are_none(self):
+        _, dark = load(self.render("dark.npy", LAB % 0, 40, "--set", "camera.shutter_open=false"))
+        pixels = 40 * 40
+        self.spoiled(["darks: have 32 rows and 40 columns, the frames 40 and 40"], dark[:40 * 32 * 40], (40, 32, 40),
+                     darks=self.plain)
+        self.spoiled(["darks: 1 frames are too few", "4"], dark[:pixels], (1, 40, 40), darks=self.plain)
+        self.spoiled(["darks: all 40 frames are the same"], [200] * len(dark), (40, 40, 40), darks=self.plain)
+        self.spoiled(["darks: have", "counts in the median pixel", "not brighter"], [5 * v for v in dark],
+                     (40, 40, 40), darks=self.plain)
+
+    def test_darks_alone_are_welcome(self):
+        result, diagnosis, _ = self.diagnose(self.render("alone.npy", LAB % 0.6, 60, "--set",
+                                                         "camera.shutter_open=false"), "--where-only")
+        self.assertEqual((result.returncode, diagnosis["verdict"]), (0, "no_gap"), diagnosis["sentence"])
 
     def test_hash_of_a_folder_of_frames(self):
         os.mkdir(self.path("folder"))

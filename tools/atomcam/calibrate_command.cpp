@@ -90,7 +90,7 @@ void run(const CalibrateOptions& options) {
   const auto background = options.background.empty() ? nullptr : open_frames(options.background);
   std::vector<std::unique_ptr<FrameSequence>> flats;
   for (const std::string& file : options.flats) flats.push_back(open_frames(file));
-  if (!options.report.empty()) make_folder(options.report, "--report");
+  if (!options.report.empty()) check_folder(options.report, "--report");
   CalibrationInput input;
   input.notes = notes;
   input.frames = frames.get();
@@ -115,6 +115,7 @@ void run(const CalibrateOptions& options) {
     for (const std::string& file : options.flats) command.add("--flats", file);
     if (options.model != "plain") command.add("--model", options.model);
     command.add("--lab", options.notes).add("-o", options.output).add("--report", options.report);
+    make_folder(options.report, "--report");
     write_calibration(options.report, calibration, input, command.text());
   }
   for (const std::string& key : notes.not_understood)

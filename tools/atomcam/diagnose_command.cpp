@@ -65,7 +65,7 @@ int run(const DiagnoseOptions& options) {
   const auto frames = open_frames(options.frames);
   const auto darks = options.darks.empty() ? nullptr : open_frames(options.darks);
   const std::filesystem::path folder = options.output;
-  make_folder(folder, "--out");
+  check_folder(folder, "--out");
 
   DiagnosisInputs inputs;
   inputs.files.push_back(
@@ -110,6 +110,7 @@ int run(const DiagnoseOptions& options) {
     profiles.plain = simulate(diagnosis.plain_lab, 0);
     if (fixed) profiles.fixed = simulate(diagnosis.lab, stacks);
   }
+  make_folder(folder, "--out");
   write_text(folder / "diagnosis.json", diagnosis_json(diagnosis, inputs));
   write_text(folder / "report.html", diagnosis_report(diagnosis, inputs, profiles));
   write_text(folder / "lab.toml", write_lab(diagnosis.lab));

@@ -16,6 +16,7 @@ from .calibration import Calibration, calibrate
 from .cameras import Camera, EMCCDCamera, QCMOSCamera
 from .catalogue import Effect, Parameter, effects, presets
 from .errors import Error
+from .judging import Confusion, Detector, Judgement, Share, score
 from .lab import Lab
 from .truth import Truth
 
@@ -24,14 +25,19 @@ __version__: str = _core.version
 __all__ = [
     "Calibration",
     "Camera",
+    "Confusion",
+    "Detector",
     "EMCCDCamera",
     "Effect",
     "Error",
+    "Judgement",
     "Lab",
     "Parameter",
     "QCMOSCamera",
+    "Share",
     "Truth",
     "calibrate",
     "effects",
     "presets",
+    "score",
 ]

@@ -12,29 +12,29 @@ namespace {
 constexpr double light_in_square = 0.75;
 constexpr int widest = 32;
 
-/// The pixels that tell about a site.
-struct Window {
-  std::vector<std::size_t> pixels;  // in the frame
-  std::vector<double> light;        // of an atom at the site, as a share of all
-  std::vector<double> weights;
+/// Mean and variance of what is added.
+struct Moments {
+  double number = 0, sum = 0, squares = 0;
+  void add(double value) { ++number, sum += value, squares += value * value; }
+  double mean() const { return number > 0 ? sum / number : 0; }
+  double variance() const { return number > 1 ? std::max(0.0, squares / number - mean() * mean()) : 0; }
 };
 
-double score(const Window& window, const std::vector<float>& frame) {
-  double sum = 0;
-  for (std::size_t i = 0; i < window.pixels.size(); ++i)
-    sum += window.weights[i] * static_cast<double>(frame[window.pixels[i]]);
-  return sum;
-}
+}  // namespace
 
-std::vector<Window> windows_of(const Lab& lab, const StackPlace& place, Shape shape, int half_width) {
+ReferenceDetector::ReferenceDetector(const Lab& lab, const StackPlace& place, Shape shape, Detector kind,
+                                     int half_width_px)
+    : shape_(shape), kind_(kind) {
+  if (half_width_px > widest)
+    throw Error("half width", std::to_string(half_width_px) + "; at most " + std::to_string(widest));
   const PointSpreadFunction spread(lab.optics, 0, lab.scene.atom_extent_um);
+  int half_width = half_width_px;
   if (half_width <= 0) {
     double radius = 0.5;
     while (radius < widest && spread.fraction_within(radius) < light_in_square) radius += 0.25;
     half_width =
         std::max(1, static_cast<int>(std::lround(radius / std::max(place.binning_x, place.binning_y))));
   }
-  std::vector<Window> windows;
   for (const Site& site : lab.scene.sites) {
     const auto column =
         static_cast<int>(std::lround((site.x_px + 0.5 - place.offset_x_px) / place.binning_x - 0.5));
@@ -56,46 +56,35 @@ std::vector<Window> windows_of(const Lab& lab, const StackPlace& place, Shape sh
       }
     }
     window.weights.assign(window.pixels.size(), 1);
-    windows.push_back(std::move(window));
+    windows_.push_back(std::move(window));
   }
-  return windows;
 }
-
-/// Mean and variance of what is added.
-struct Moments {
-  double number = 0, sum = 0, squares = 0;
-  void add(double value) { ++number, sum += value, squares += value * value; }
-  double mean() const { return number > 0 ? sum / number : 0; }
-  double variance() const { return number > 1 ? std::max(0.0, squares / number - mean() * mean()) : 0; }
-};
 
 /// Best against noise that grows with the light: share of light over variance. The variance of a pixel is
 /// that of empty sites and, half the time, an atom's in proportion to its light there.
-void weigh(
-    std::vector<Window>& windows,
-    const std::function<void(const std::function<void(std::size_t, const std::vector<float>&)>&)>& taught,
-    const std::vector<SiteTruth>& truth) {
+void ReferenceDetector::weigh(const Frames& frames, std::span<const SiteTruth> truth) {
   double most = 0;
-  for (const Window& window : windows)
+  for (const Window& window : windows_)
     for (const double light : window.light) most = std::max(most, light);
-  const std::size_t sites = windows.size();
+  const std::size_t sites = windows_.size();
   Moments empty;
   std::vector<Moments> filled(16);  // by light
   std::vector<double> light_in(filled.size(), 0);
-  taught([&](std::size_t n, const std::vector<float>& frame) {
+  const SiteTruth* site = truth.data();
+  frames([&](std::span<const float> frame) {
     for (std::size_t s = 0; s < sites; ++s) {
-      const bool atom = truth[n * sites + s].filled;
-      for (std::size_t i = 0; i < windows[s].pixels.size(); ++i) {
-        const double value = static_cast<double>(frame[windows[s].pixels[i]]);
+      const bool atom = (site++)->filled;
+      for (std::size_t i = 0; i < windows_[s].pixels.size(); ++i) {
+        const double value = static_cast<double>(frame[windows_[s].pixels[i]]);
         if (!atom) {
           empty.add(value);
           continue;
         }
         const auto bin = std::min(
             filled.size() - 1,
-            static_cast<std::size_t>(windows[s].light[i] / most * static_cast<double>(filled.size())));
+            static_cast<std::size_t>(windows_[s].light[i] / most * static_cast<double>(filled.size())));
         filled[bin].add(value);
-        light_in[bin] += windows[s].light[i];
+        light_in[bin] += windows_[s].light[i];
       }
     }
   });
@@ -108,7 +97,7 @@ void weigh(
     square += filled[bin].number * light * light;
   }
   const double slope = square > 0 ? above / square : 0;
-  for (Window& window : windows) {
+  for (Window& window : windows_) {
     double norm = 0;
     for (std::size_t i = 0; i < window.weights.size(); ++i) {
       window.weights[i] = window.light[i] / (dark + 0.5 * slope * window.light[i]);
@@ -118,7 +107,38 @@ void weigh(
   }
 }
 
-}  // namespace
+void ReferenceDetector::teach(const Frames& frames, std::span<const SiteTruth> truth) {
+  const auto fail = [&](std::uint64_t number) {
+    throw Error("truth", std::to_string(truth.size()) + " sites; " + std::to_string(number) + " frames of " +
+                             std::to_string(sites()));
+  };
+  const Frames checked = [&](const Visit& visit) {
+    std::uint64_t number = 0;
+    frames([&](std::span<const float> frame) {
+      if (++number * sites() > truth.size()) fail(number);
+      visit(frame);
+    });
+    if (number * sites() != truth.size()) fail(number);
+  };
+  if (kind_ == Detector::matched) weigh(checked, truth);
+  SiteScores scores{0, sites(), std::vector<float>(truth.size())};
+  checked([&](std::span<const float> frame) {
+    score(frame, std::span(scores.values).subspan(scores.frames * scores.sites, scores.sites));
+    ++scores.frames;
+  });
+  threshold_ = best_threshold(scores, {truth.begin(), truth.end()});
+  taught_ = true;
+}
+
+void ReferenceDetector::score(std::span<const float> frame, std::span<float> scores) const {
+  for (std::size_t s = 0; s < windows_.size(); ++s) {
+    const Window& window = windows_[s];
+    double sum = 0;
+    for (std::size_t i = 0; i < window.pixels.size(); ++i)
+      sum += window.weights[i] * static_cast<double>(frame[window.pixels[i]]);
+    scores[s] = static_cast<float>(sum);
+  }
+}
 
 Detected detect(StackReader& stack, const Lab& lab, const StackPlace& place, Detector detector,
                 const std::vector<SiteTruth>& truth, int half_width_px) {
@@ -128,36 +148,32 @@ Detected detect(StackReader& stack, const Lab& lab, const StackPlace& place, Det
     throw Error(stack.file().string(),
                 "1 frame; a built-in detector learns from one half of the frames and is judged by the other");
   if (truth.size() != frames * sites) throw Error(stack.file().string(), "truth of other frames or sites");
-  if (half_width_px > widest)
-    throw Error("half width", std::to_string(half_width_px) + "; at most " + std::to_string(widest));
-  std::vector<Window> windows = windows_of(lab, place, stack.shape().frame(), half_width_px);
+  ReferenceDetector reference(lab, place, stack.shape().frame(), detector, half_width_px);
   std::vector<float> frame(stack.shape().pixels());
-  const auto go_through = [&](std::uint64_t first,
-                              const std::function<void(std::size_t, const std::vector<float>&)>& visit) {
+  const auto every_other = [&](std::uint64_t first, const ReferenceDetector::Visit& visit) {
     for (std::uint64_t n = first; n < frames; n += 2) {
       stack.read(n, std::span(frame));
-      visit(n, frame);
+      visit(frame);
     }
   };
-  if (detector == Detector::matched)
-    weigh(
-        windows, [&](const auto& visit) { go_through(0, visit); }, truth);
-  const auto scored = [&](std::uint64_t first, SiteScores& scores, std::vector<SiteTruth>& their_truth) {
-    scores.sites = sites;
-    go_through(first, [&](std::size_t n, const std::vector<float>& pixels) {
-      ++scores.frames;
-      for (std::size_t s = 0; s < sites; ++s) {
-        scores.values.push_back(static_cast<float>(score(windows[s], pixels)));
-        their_truth.push_back(truth[n * sites + s]);
-      }
-    });
+  const auto truth_of = [&](std::uint64_t first) {
+    std::vector<SiteTruth> half;
+    for (std::uint64_t n = first; n < frames; n += 2)
+      half.insert(half.end(), truth.begin() + static_cast<std::ptrdiff_t>(n * sites),
+                  truth.begin() + static_cast<std::ptrdiff_t>((n + 1) * sites));
+    return half;
   };
-  SiteScores lesson;
-  std::vector<SiteTruth> lesson_truth;
-  scored(0, lesson, lesson_truth);
+  reference.teach([&](const auto& visit) { every_other(0, visit); }, truth_of(0));
   Detected detected;
-  detected.threshold = best_threshold(lesson, lesson_truth);
-  scored(1, detected.scores, detected.truth);
+  detected.threshold = reference.threshold();
+  detected.truth = truth_of(1);
+  detected.scores.sites = sites;
+  std::vector<float> scores(sites);
+  every_other(1, [&](std::span<const float> pixels) {
+    ++detected.scores.frames;
+    reference.score(pixels, scores);
+    detected.scores.values.insert(detected.scores.values.end(), scores.begin(), scores.end());
+  });
   return detected;
 }
 

@@ -9,7 +9,6 @@
 #include "base/error.hpp"
 
 namespace atomcam {
-namespace {
 
 std::vector<std::vector<std::size_t>> neighbours_of(std::span<const Site> sites) {
   const auto distance = [&](std::size_t i, std::size_t j) {
@@ -24,8 +23,6 @@ std::vector<std::vector<std::size_t>> neighbours_of(std::span<const Site> sites)
       if (i != j && distance(i, j) < 1.2 * smallest) neighbours[i].push_back(j);
   return neighbours;
 }
-
-}  // namespace
 
 std::vector<SiteTruth> stack_truth(StackReader& stack, std::span<const Site> sites, FilledAt when) {
   const auto neighbours = neighbours_of(sites);

@@ -8,4 +8,5 @@ PYBIND11_MODULE(_core, module) {
   atomcam::bind_lab(module);
   atomcam::bind_stacks(module);
   atomcam::bind_calibration(module);
+  atomcam::bind_judging(module);
 }

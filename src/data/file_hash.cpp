@@ -1,41 +1,21 @@
 #include "data/file_hash.hpp"
 
-#include <fmt/format.h>
 #include <fnmatch.h>
-#include <nettle/sha2.h>
 
 #include <algorithm>
-#include <array>
 #include <fstream>
 #include <vector>
 
 #include "base/error.hpp"
+#include "data/sha256.hpp"
 
 namespace atomcam {
 namespace {
 
-class Hash {
- public:
-  Hash() { sha256_init(&state_); }
-  void add(const char* bytes, std::size_t size) {
-    sha256_update(&state_, size, reinterpret_cast<const std::uint8_t*>(bytes));
-  }
-  std::string digits() {
-    std::array<std::uint8_t, SHA256_DIGEST_SIZE> digest;
-    sha256_digest(&state_, digest.size(), digest.data());
-    std::string text;
-    for (const std::uint8_t byte : digest) text += fmt::format("{:02x}", byte);
-    return text;
-  }
-
- private:
-  sha256_ctx state_;
-};
-
 std::string of_file(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   if (!in) throw Error(file.string(), "cannot be read");
-  Hash hash;
+  Sha256 hash;
   std::vector<char> buffer(1 << 20);
   while (in) {
     in.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
@@ -51,7 +31,7 @@ std::string of_files(const std::filesystem::path& folder, const std::string& pat
     if (entry.is_regular_file() && fnmatch(pattern.c_str(), entry.path().filename().c_str(), FNM_PERIOD) == 0)
       files.push_back(entry.path());
   std::ranges::sort(files);
-  Hash hash;
+  Sha256 hash;
   for (const std::filesystem::path& file : files) {
     const std::string line = of_file(file) + "  " + file.filename().string() + "\n";
     hash.add(line.data(), line.size());

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "base/error.hpp"
+#include "base/random.hpp"
 #include "diagnosis/diagnosis.hpp"
 #include "diagnosis/fit.hpp"
 #include "diagnosis/model.hpp"
@@ -28,14 +29,22 @@ Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
   return (a > 0 && b > 0).select(a / a.max(b).max(1e-300), 0.0);
 }
 
-/// The stack numbers of one population are far from those of all others.
-class Numbers {
- public:
-  std::uint64_t next() { return block_++ * 1000000; }
+constexpr std::uintmax_t largest_cache = std::uintmax_t{4} << 30;
 
- private:
-  std::uint64_t block_ = 1;
-};
+/// The first stack number of a step: far from those of all others, and the same whatever else is done.
+std::uint64_t numbers_of(std::string_view step) {
+  return stream_id(step) & ~std::uint64_t{0xFFFFFF};
+}
+
+/// All counts of a stack.
+std::string digest_of(const FrameSequence& frames) {
+  Sha256 hash;
+  frames.visit([&](std::size_t, const CountImage& frame) {
+    for (int row = 0; row < frame.rows(); ++row)
+      hash.add(frame.row(row).data(), sizeof(std::uint16_t) * static_cast<std::size_t>(frame.columns()));
+  });
+  return hash.digits();
+}
 
 class Diagnoser {
  public:
@@ -81,6 +90,13 @@ class Diagnoser {
     tell("measuring the frames", 0.03);
     declarations_ = battery(plan_.model, darks_ != nullptr);
     real_ = measure(plan_.model, frames_, darks_, plan_.split);
+    if (!options_.cache.empty()) {
+      // All that is simulated follows from these and the steps' own numbers.
+      kept_.emplace(options_.cache, digest_of(frames_) + (darks_ ? digest_of(*darks_) : "") +
+                                        write_lab(result_.calibration.lab) +
+                                        std::to_string(plan_.split.block));
+      plan_.kept = &*kept_;
+    }
   }
 
   void judge_plain() {
@@ -90,17 +106,17 @@ class Diagnoser {
     const double cost = static_cast<double>(plan_.frames) * static_cast<double>(frames_.shape().pixels());
     null_stacks_ = cost > 3e7 ? 160 : 240;
     // The calibration's own bias is taken out first: simulated stacks shall calibrate as the real one did.
-    recalibrate(plain_, real_stack(), plan_, numbers_.next());
+    recalibrate(plain_, real_stack(), plan_, numbers_of("plain calibration"));
     fit_centres(plain_, 80, "plain model", 0.04, 0.08);
-    atomcam::judge(plain_, real_, null_stacks_, plan_, numbers_.next(), nullptr,
+    atomcam::judge(plain_, real_, null_stacks_, plan_, numbers_of("plain"), nullptr,
                    part("plain model", 0.08, 0.25, null_stacks_));
     result_.p_gap = plain_.p_value;
     result_.p_after = plain_.p_value;
   }
 
   void fit_centres(Model& model, int stacks, const std::string& step, double from, double to) {
-    model.population = simulate_population(model.lab, model.open, stacks, plan_, numbers_.next(), nullptr,
-                                           part(step, from, to, stacks));
+    model.population = simulate_population(model.lab, model.open, stacks, plan_, numbers_of("centres"),
+                                           nullptr, part(step, from, to, stacks));
     const Standard standard(model.population, Part::whole);
     const Eigen::VectorXd estimate = standard.estimate(as_vector(real_.whole));
     for (std::size_t k = 0; k < model.open.size(); ++k) {
@@ -131,7 +147,8 @@ class Diagnoser {
       const double a = from + (to - from) * static_cast<double>(k) / static_cast<double>(list.size());
       const double b = from + (to - from) * static_cast<double>(k + 1) / static_cast<double>(list.size());
       const int stacks = 12 + 3 * static_cast<int>(one.effect->parameters.size());
-      explore(one, before, stacks, plan_, numbers_.next(), part(one.effect->name, a, b, stacks));
+      explore(one, before, stacks, plan_, numbers_of("scan/" + one.effect->name),
+              part(one.effect->name, a, b, stacks));
       match(one, before, before.z);
       scans.push_back(std::move(one));
     }
@@ -163,6 +180,7 @@ class Diagnoser {
 
   /// A model that may be the explanation, and how promising it looked.
   struct Contender {
+    std::string name;
     Model model;
     double evidence = 0;
   };
@@ -174,8 +192,8 @@ class Diagnoser {
     const auto count = static_cast<double>(contenders.size());
     for (std::size_t k = 0; k < contenders.size(); ++k) {
       tell(title(contenders[k].model), at(0.4 * static_cast<double>(k) / count));
-      contenders[k].model.distance =
-          fit(contenders[k].model, {&plain_, real_stack()}, first_rounds, plan_, numbers_.next());
+      contenders[k].model.distance = fit(contenders[k].model, {&plain_, real_stack()}, first_rounds, plan_,
+                                         numbers_of("fit 1/" + contenders[k].name));
     }
     const auto nearer = [](const Contender& a, const Contender& b) {
       return a.model.distance < b.model.distance;
@@ -189,27 +207,28 @@ class Diagnoser {
       contenders.pop_back();
     for (std::size_t k = 0; k < contenders.size(); ++k) {
       tell(title(contenders[k].model), at(0.4 + 0.1 * static_cast<double>(k)));
-      contenders[k].model.distance =
-          fit(contenders[k].model, {&plain_, real_stack()}, more_rounds, plan_, numbers_.next());
+      contenders[k].model.distance = fit(contenders[k].model, {&plain_, real_stack()}, more_rounds, plan_,
+                                         numbers_of("fit 2/" + contenders[k].name));
     }
     std::sort(contenders.begin(), contenders.end(), nearer);
     if (!contenders.empty() && contenders.front().model.distance > like_own &&
         contenders.front().model.distance < 3)
-      contenders.front().model.distance = std::min(
-          contenders.front().model.distance,
-          fit(contenders.front().model, {&plain_, real_stack()}, more_rounds, plan_, numbers_.next()));
+      contenders.front().model.distance =
+          std::min(contenders.front().model.distance,
+                   fit(contenders.front().model, {&plain_, real_stack()}, more_rounds, plan_,
+                       numbers_of("fit 3/" + contenders.front().name)));
     while (contenders.size() > 1 &&
            contenders.back().model.distance > std::max(1.5, 1.5 * contenders.front().model.distance))
       contenders.pop_back();
     std::vector<Model> judged;
     for (std::size_t k = 0; k < contenders.size(); ++k) {
       Model& model = contenders[k].model;
-      recalibrate(model, real_stack(), plan_, numbers_.next());
+      recalibrate(model, real_stack(), plan_, numbers_of("calibration/" + contenders[k].name));
       // A point-spread function per site leaves no time for many optical systems.
       if (std::find(model.effects.begin(), model.effects.end(), "field_tilt_defocus") != model.effects.end())
         for (Uncertain& one : model.open)
           if (one.shared) one.width = 0;
-      atomcam::judge(model, real_, stacks, plan_, numbers_.next(), &plain_,
+      atomcam::judge(model, real_, stacks, plan_, numbers_of("judge/" + contenders[k].name), &plain_,
                      part(title(model), at(0.7 + 0.1 * static_cast<double>(k)),
                           at(0.8 + 0.1 * static_cast<double>(k)), stacks));
       note(model, contenders[k].evidence);
@@ -251,7 +270,8 @@ class Diagnoser {
     double done = 0.5;
     for (const std::size_t leaders : {8u, 6u, 5u, 4u}) {
       for (std::size_t k = 0; k < std::min(leaders, scans.size()); ++k, done += 0.0035) {
-        explore(scans[k], plain_, 8, plan_, numbers_.next(),
+        explore(scans[k], plain_, 8, plan_,
+                numbers_of(fmt::format("look {}/{}", leaders, scans[k].effect->name)),
                 part(scans[k].effect->name, done, done + 0.0035, 8));
         match(scans[k], plain_, plain_.z);
       }
@@ -266,7 +286,7 @@ class Diagnoser {
     std::vector<Contender> contenders;
     for (std::size_t k = 0; k < std::min<std::size_t>(6, scans.size()); ++k) {
       if (k > 1 && scans[k].log_likelihood < 0.4 * scans[0].log_likelihood - 20) break;
-      contenders.push_back({with(plain_, scans[k]), scans[k].log_likelihood});
+      contenders.push_back({scans[k].effect->name, with(plain_, scans[k]), scans[k].log_likelihood});
       if (k >= 3) continue;
       // Also from the stack that really came nearest: the emulator may have led elsewhere.
       Scan nearest_one;
@@ -277,7 +297,8 @@ class Diagnoser {
       scans[k].miss.minCoeff(&at);
       nearest_one.best = scans[k].draws.row(at).transpose();
       if (((nearest_one.best - scans[k].best).cwiseAbs().array() > scans[k].width.array()).any())
-        contenders.push_back({with(plain_, nearest_one), scans[k].log_likelihood});
+        contenders.push_back(
+            {scans[k].effect->name + ", nearest", with(plain_, nearest_one), scans[k].log_likelihood});
     }
     std::vector<Model> singles = fit_and_judge(std::move(contenders), 0.58, 0.8);
     if (choose(singles)) return;
@@ -301,7 +322,8 @@ class Diagnoser {
       two.open = scans[match.second].open;
       two.best = match.best_second;
       two.width = scans[match.second].width;
-      candidates.push_back({with(with(plain_, one), two), match.gain});
+      candidates.push_back(
+          {one.effect->name + " + " + two.effect->name, with(with(plain_, one), two), match.gain});
     }
     std::vector<Model> pairs;
     for (Model& model : fit_and_judge(std::move(candidates), 0.8, 1)) {
@@ -488,6 +510,7 @@ class Diagnoser {
     }
     result_.next_measurement = next_measurements(result_, darks_ != nullptr);
     result_.sentence = sentence_of(result_);
+    if (kept_) kept_->trim(largest_cache);
     tell("done", 1);
   }
 
@@ -497,7 +520,7 @@ class Diagnoser {
   const DiagnosisOptions& options_;
   Diagnosis result_;
   StackPlan plan_;
-  Numbers numbers_;
+  std::optional<KeptResults> kept_;
   int null_stacks_ = 400;
   std::vector<StatisticDeclaration> declarations_;
   BatteryValues real_;

@@ -3,6 +3,7 @@
 // shrinks once it is added.
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
@@ -70,6 +71,8 @@ struct DiagnosisOptions {
   int threads = 1;
   bool where_only = false;
   std::size_t block = 10;  // frames of a part
+  /// Where results of simulated stacks are kept for the next diagnosis of the same data; empty: nowhere.
+  std::filesystem::path cache;
   /// What is under way, how much of the whole is done (0 to 1).
   std::function<void(std::string_view step, double done)> progress;
 };

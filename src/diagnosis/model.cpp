@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "base/error.hpp"
@@ -80,12 +81,27 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
                              .sum();
 }
 
-void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std::uint64_t first) {
+namespace {
+
+/// By how much the real stack's calibration says more than those of a few simulated ones: [parameter, stack],
+/// not a number for a stack that cannot be calibrated.
+Eigen::MatrixXd calibration_offsets(const Model& model, const RealStack& real, const StackPlan& plan,
+                                    std::uint64_t first) {
   constexpr int stacks = 2;
+  ResultKey key;
+  key.add("recalibration").add(plan.seed).add(first);
   Lab lab = model.lab;
-  for (const Uncertain& one : model.open) one.apply(lab, one.centre);
+  for (const Uncertain& one : model.open) {
+    one.apply(lab, one.centre);
+    key.add(one.name).add(Eigen::MatrixXd::Constant(1, 1, one.centre));
+  }
+  if (plan.kept)
+    if (auto found = plan.kept->find(key);
+        found && found->size() == 1 && found->front().rows() == model.first_effect_parameter)
+      return std::move(found->front());
   lab.place_sites();
-  std::vector<std::unique_ptr<Calibration>> found(stacks);
+  Eigen::MatrixXd offsets = Eigen::MatrixXd::Constant(model.first_effect_parameter, stacks,
+                                                      std::numeric_limits<double>::quiet_NaN());
   parallel_for(stacks, plan.threads, 1, [&](int n) {
     const auto light = simulate_stack(lab, plan, first + static_cast<std::uint64_t>(n), true);
     const auto darks = simulate_stack(lab, plan, first + static_cast<std::uint64_t>(n), false);
@@ -95,16 +111,26 @@ void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std
     if (plan.dark_frames > 0) input.darks = darks.get();
     input.like = real.calibration;
     try {
-      found[static_cast<std::size_t>(n)] = std::make_unique<Calibration>(calibrate(input));
+      const Calibration calibration = calibrate(input);
+      for (auto k = Eigen::Index{0}; k < offsets.rows(); ++k)
+        offsets(k, n) = model.open[static_cast<std::size_t>(k)].offset(*real.calibration, calibration);
     } catch (const Error&) {
       // A stack that cannot be calibrated says nothing.
     }
   });
+  if (plan.kept) plan.kept->keep(key, {offsets});
+  return offsets;
+}
+
+}  // namespace
+
+void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std::uint64_t first) {
+  const Eigen::MatrixXd offsets = calibration_offsets(model, real, plan, first);
   for (auto k = Eigen::Index{0}; k < model.first_effect_parameter; ++k) {
     Uncertain& one = model.open[static_cast<std::size_t>(k)];
     double sum = 0, count = 0;
-    for (const auto& calibration : found)
-      if (calibration) sum += one.offset(*real.calibration, *calibration), count += 1;
+    for (const double offset : offsets.row(k))
+      if (std::isfinite(offset)) sum += offset, count += 1;
     if (count == 0) continue;
     double shift = sum / count;
     const double ratio = one.pull == 0 ? 0 : shift / one.pull;

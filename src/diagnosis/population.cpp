@@ -115,6 +115,18 @@ Population simulate_population(const Lab& lab, const std::vector<Uncertain>& ope
   population.whole.resize(stacks, statistics);
   population.part[0].resize(stacks, statistics);
   population.part[1].resize(stacks, statistics);
+  ResultKey key;
+  key.add("population").add(plan.seed).add(first).add(population.draws);
+  for (const Uncertain& one : open) key.add(one.name);
+  if (plan.kept)
+    if (auto found = plan.kept->find(key); found && found->size() == 3 && found->front().rows() == stacks &&
+                                           found->front().cols() == statistics) {
+      population.whole = std::move((*found)[0]);
+      population.part[0] = std::move((*found)[1]);
+      population.part[1] = std::move((*found)[2]);
+      if (progress) progress(stacks);
+      return population;
+    }
   std::atomic<int> done{0};
   parallel_for(stacks, plan.threads, 1, [&](int n) {
     Lab drawn = lab;
@@ -131,6 +143,7 @@ Population simulate_population(const Lab& lab, const std::vector<Uncertain>& ope
     const int count = ++done;
     if (progress) progress(count);
   });
+  if (plan.kept) plan.kept->keep(key, {population.whole, population.part[0], population.part[1]});
   return population;
 }
 

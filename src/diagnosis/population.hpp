@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "analysis/battery.hpp"
+#include "diagnosis/kept_results.hpp"
 #include "diagnosis/uncertain.hpp"
 
 namespace atomcam {
@@ -21,6 +22,7 @@ struct StackPlan {
   BatterySplit split;
   std::uint64_t seed = 1;
   int threads = 1;
+  const KeptResults* kept = nullptr;  // null: everything is simulated
 };
 
 /// The light (or dark) frames of one simulated stack.

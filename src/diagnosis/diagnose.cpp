@@ -202,10 +202,12 @@ class Diagnoser {
     std::set<std::vector<std::string>> seen;
     std::erase_if(contenders, [&](const Contender& one) { return !seen.insert(one.model.effects).second; });
     if (contenders.size() > 3) contenders.resize(3);
-    while (contenders.size() > 1 &&
-           contenders.back().model.distance > std::max(2.0, 2 * contenders.front().model.distance))
-      contenders.pop_back();
     for (std::size_t k = 0; k < contenders.size(); ++k) {
+      // What is hopelessly behind is let go as soon as one of them has come near.
+      if (k > 0 && contenders[k].model.distance > std::max(2.0, 2 * contenders.front().model.distance)) {
+        contenders.resize(k);
+        break;
+      }
       tell(title(contenders[k].model), at(0.4 + 0.1 * static_cast<double>(k)));
       contenders[k].model.distance = fit(contenders[k].model, {&plain_, real_stack()}, more_rounds, plan_,
                                          numbers_of("fit 2/" + contenders[k].name));

@@ -14,6 +14,10 @@ constexpr double prior_widths = 6;  // of a step, in widths: keeps what the data
 
 constexpr double near = 1.3;  // mean square of the deviations of a place from which widths shrink
 
+// A way may lead over a hill, as the calibration follows the effects a step later.
+constexpr int uphill_rounds = 2;
+constexpr double lost = 3;  // times the best distance: no hill is that high
+
 /// Where a fit stands.
 struct Place {
   std::vector<Uncertain> open;
@@ -158,6 +162,7 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
   const int stacks = 8 + 4 * effects;
   Place best;
   double last = 1e300;
+  int uphill = 0;
   for (int round = 0; round < rounds; ++round) {
     const std::uint64_t number = first + static_cast<std::uint64_t>(round) * 10000;
     recalibrate(model, ground.real, plan, number + 5000);
@@ -167,8 +172,10 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
     const Population population = simulate_population(model.lab, drawn, stacks, plan, number);
     const Local local = straight_lines(population, drawn, from, fitter.unit());
     const Fitter::Step step = fitter.step(local, model.open, from);
-    if (step.distance > 1.3 * best.distance) {
-      // The last step led away: half of it, and a closer look.
+    if (step.distance > 1.3 * best.distance) ++uphill;
+    if (uphill > uphill_rounds || step.distance > lost * best.distance) {
+      // Back: part of the way only, and a closer look.
+      uphill = 0;
       for (std::size_t k = 0; k < model.open.size(); ++k) {
         Uncertain& one = model.open[k];
         one.centre = best.open[k].centre + 0.4 * (one.centre - best.open[k].centre);
@@ -176,7 +183,10 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
       }
       continue;
     }
-    if (step.distance < best.distance) best = {model.open, step.distance};
+    if (step.distance < best.distance) {
+      best = {model.open, step.distance};
+      uphill = 0;
+    }
     bool settled = true;
     for (std::size_t k = 0; k < model.open.size(); ++k) {
       Uncertain& one = model.open[k];

@@ -7,7 +7,7 @@
 #include <zip.h>
 
 #include "data/pixels.hpp"
-#include "data/temporary_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace atomcam {
 namespace {

@@ -7,7 +7,7 @@
 #include "data/foreign_files.hpp"
 #include "data/pixels.hpp"
 #include "data/stack.hpp"
-#include "data/temporary_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace atomcam {
 namespace {

@@ -6,7 +6,7 @@
 #include "base/error.hpp"
 #include "data/pixels.hpp"
 #include "data/stack.hpp"
-#include "data/temporary_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace atomcam {
 namespace {

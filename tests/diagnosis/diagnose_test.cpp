@@ -6,6 +6,7 @@
 #include "calibration/notes.hpp"
 #include "diagnosis/blind.hpp"
 #include "diagnosis/population.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace atomcam {
 namespace {
@@ -29,10 +30,12 @@ class Case {
     darks_ = simulate_stack(stack.lab, plan, 1, false);
     notes_ = parse_notes(stack.notes, "notes");
   }
-  Diagnosis diagnose(const std::vector<std::string>& include, const std::vector<std::string>& exclude = {}) {
+  Diagnosis diagnose(const std::vector<std::string>& include, const std::vector<std::string>& exclude = {},
+                     const std::filesystem::path& cache = {}) {
     DiagnosisOptions options;
     options.include = include;
     options.exclude = exclude;
+    options.cache = cache;
     options.threads = 2;
     return atomcam::diagnose(notes_, *frames_, darks_.get(), options);
   }
@@ -42,8 +45,17 @@ class Case {
   std::unique_ptr<FrameSequence> frames_, darks_;
 };
 
-TEST(Diagnose, APlainStackHasNoGap) {
-  EXPECT_EQ(Case("").diagnose({"row_noise"}).verdict, Verdict::no_gap);
+TEST(Diagnose, APlainStackHasNoGapAndAKeptResultSaysTheSame) {
+  Case plain("");
+  const Diagnosis first = plain.diagnose({"row_noise"});
+  EXPECT_EQ(first.verdict, Verdict::no_gap);
+  const TemporaryFolder cache;
+  for (const char* time : {"cold", "warm"}) {
+    const Diagnosis again = plain.diagnose({"row_noise"}, {}, cache.path());
+    EXPECT_EQ(again.p_gap, first.p_gap) << time;
+    EXPECT_EQ(again.gap.before, first.gap.before) << time;
+  }
+  EXPECT_FALSE(std::filesystem::is_empty(cache.path()));
 }
 
 TEST(Diagnose, AnEffectIsNamedAndClosesTheGapAndWithoutItNothingDoes) {

@@ -107,7 +107,8 @@ class StaticMaps : public Family {
     const float inverse = spread > 0 ? static_cast<float>(1 / spread) : 0.0f;
     for (float& v : map) {
       v *= inverse;
-      if (std::abs(v) > 3) outliers.take(static_cast<double>(v));
+      // Some pixel is beyond 2 in every stack; beyond 3, in a small one, not.
+      if (std::abs(v) > 2) outliers.take(static_cast<double>(v));
       v = std::clamp(v, -4.0f, 4.0f);
     }
     sheet.put("above", ok(std::log1p(outliers.above)));

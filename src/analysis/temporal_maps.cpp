@@ -216,7 +216,7 @@ class TemporalMaps : public Family {
       double square = 0;
       for (const std::uint32_t p : quiet) {
         const double v = static_cast<double>(map[p]) / sigma;
-        if (std::abs(v) > 2.5) outliers.take(v);
+        if (std::abs(v) > 2) outliers.take(v);
         square += v * v;
       }
       sheet.put(name, "above", ok(std::log1p(outliers.above)));

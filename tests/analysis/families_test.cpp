@@ -472,5 +472,12 @@ TEST(Plain, StacksStayPut) {
   }
 }
 
+// What a small stack may lack by chance (a pixel beyond three deviations) must not set it apart from others.
+TEST(Plain, TheHighestPixelIsNeverMissing) {
+  const Camera camera{.size = 32, .sites = 0};
+  for (std::uint64_t seed = 1; seed <= 30; ++seed)
+    EXPECT_GT(measured(camera, seed, {}, false).at("light.static_offsets.highest"), std::log(1 + 2)) << seed;
+}
+
 }  // namespace
 }  // namespace atomcam

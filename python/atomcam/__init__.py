@@ -15,6 +15,7 @@ from . import _core
 from .calibration import Calibration, calibrate
 from .cameras import Camera, EMCCDCamera, QCMOSCamera
 from .catalogue import Effect, Parameter, effects, presets
+from .diagnosis import Diagnosis, diagnose
 from .errors import Error
 from .judging import Confusion, Detector, Judgement, Share, score
 from .lab import Lab
@@ -27,6 +28,7 @@ __all__ = [
     "Camera",
     "Confusion",
     "Detector",
+    "Diagnosis",
     "EMCCDCamera",
     "Effect",
     "Error",
@@ -37,6 +39,7 @@ __all__ = [
     "Share",
     "Truth",
     "calibrate",
+    "diagnose",
     "effects",
     "presets",
     "score",

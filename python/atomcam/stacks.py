@@ -85,12 +85,11 @@ def described(role: str, value: Any) -> tuple[str, str, str]:
     frame by frame; that of a dictionary is of its JSON text."""
     if _is_path(value):
         return role, os.fspath(value), _core.sha256_of(os.fspath(value))
-    digest = hashlib.sha256()
     if isinstance(value, Mapping):
-        digest.update(_notes_text(value).encode())
-    else:
-        for frame in np.asarray(value):
-            digest.update(np.ascontiguousarray(frame, "<u2").data)
+        return role, "<dictionary>", hashlib.sha256(_notes_text(value).encode()).hexdigest()
+    digest = hashlib.sha256()
+    for frame in np.asarray(value):
+        digest.update(np.ascontiguousarray(frame, "<u2").data)
     return role, in_words(value), digest.hexdigest()
 
 

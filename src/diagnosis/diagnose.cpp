@@ -87,6 +87,7 @@ class Diagnoser {
     plan_.split.block = std::max<std::size_t>(1, std::min(options_.block, plan_.frames / 8));
     plan_.seed = options_.seed;
     plan_.threads = options_.threads;
+    plan_.check_in = options_.check_in;
     tell("measuring the frames", 0.03);
     declarations_ = battery(plan_.model, darks_ != nullptr);
     real_ = measure(plan_.model, frames_, darks_, plan_.split);

@@ -75,6 +75,8 @@ struct DiagnosisOptions {
   std::filesystem::path cache;
   /// What is under way, how much of the whole is done (0 to 1).
   std::function<void(std::string_view step, double done)> progress;
+  /// Called after every simulated stack, from any thread; what it or `progress` throws ends the work.
+  std::function<void()> check_in;
 };
 
 struct Diagnosis {

@@ -140,6 +140,7 @@ Population simulate_population(const Lab& lab, const std::vector<Uncertain>& ope
     population.whole.row(n) = row(values.whole);
     population.part[0].row(n) = row(values.part[0]);
     population.part[1].row(n) = row(values.part[1]);
+    if (plan.check_in) plan.check_in();
     const int count = ++done;
     if (progress) progress(count);
   });

@@ -23,6 +23,7 @@ struct StackPlan {
   std::uint64_t seed = 1;
   int threads = 1;
   const KeptResults* kept = nullptr;  // null: everything is simulated
+  std::function<void()> check_in;  // after every stack, on its thread; what it throws ends the work
 };
 
 /// The light (or dark) frames of one simulated stack.

@@ -8,5 +8,6 @@ PYBIND11_MODULE(_core, module) {
   atomcam::bind_lab(module);
   atomcam::bind_stacks(module);
   atomcam::bind_calibration(module);
+  atomcam::bind_diagnosis(module);
   atomcam::bind_judging(module);
 }

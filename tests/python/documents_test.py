@@ -57,6 +57,7 @@ class Documents(unittest.TestCase):
         # Comments that tell what a line prints.
         self.assertIn("(100, 256, 256) uint16", printed)
         self.assertIn("(100, 306)", printed)
+        self.assertIn("explained - row_noise", printed)
 
 
 if __name__ == "__main__":

@@ -17,8 +17,7 @@
 #include "data/output_files.hpp"
 #include "diagnosis/diagnosis.hpp"
 #include "diagnosis/diagnosis_json.hpp"
-#include "diagnosis/profiles.hpp"
-#include "diagnosis/report.hpp"
+#include "diagnosis/report_folder.hpp"
 
 namespace atomcam {
 namespace {
@@ -102,32 +101,14 @@ int run(const DiagnoseOptions& options) {
   if (!options.no_cache)
     how.cache = options.cache.empty() ? default_cache() : std::filesystem::path(options.cache);
   Diagnosis diagnosis;
-  ReportProfiles profiles;
   {
     StepProgress progress;
     how.progress = [&](std::string_view step, double done) { progress.update(step, done * for_diagnosis); };
     diagnosis = diagnose(notes, *frames, darks.get(), how);
-    progress.update("report", for_diagnosis);
-    const StackModel& model = diagnosis.calibration.model;
-    const std::size_t dark_frames = darks ? darks->frames() : 0;
-    const int stacks = report_stacks(frames->frames(), frames->shape().pixels());
-    const bool fixed = !diagnosis.effects.empty();
-    const auto simulate = [&](const Lab& lab, int before) {
-      return simulate_profiles(model, lab, frames->frames(), dark_frames, stacks, options.seed * 1000,
-                               how.threads, [&, before](int done) {
-                                 const double part =
-                                     static_cast<double>(before + done) / (fixed ? 2 * stacks : stacks);
-                                 progress.update("report", for_diagnosis + (1 - for_diagnosis) * part);
-                               });
-    };
-    profiles.real = measure_profiles(model, *frames, darks.get());
-    profiles.plain = simulate(diagnosis.plain_lab, 0);
-    if (fixed) profiles.fixed = simulate(diagnosis.lab, stacks);
+    write_diagnosis(folder, diagnosis, inputs, *frames, darks.get(), how.threads, [&](double done) {
+      progress.update("report", for_diagnosis + (1 - for_diagnosis) * done);
+    });
   }
-  make_folder(folder, "--out");
-  write_text(folder / "diagnosis.json", diagnosis_json(diagnosis, inputs));
-  write_text(folder / "report.html", diagnosis_report(diagnosis, inputs, profiles));
-  write_text(folder / "lab.toml", write_lab(diagnosis.lab));
   for (const std::string& key : notes.not_understood)
     fmt::print(stderr, "{}: {}: not understood, left alone\n", options.notes, key);
   print_summary(diagnosis);

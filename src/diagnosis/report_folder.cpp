@@ -1,0 +1,35 @@
+#include "diagnosis/report_folder.hpp"
+
+#include "data/output_files.hpp"
+#include "diagnosis/profiles.hpp"
+#include "diagnosis/report.hpp"
+
+namespace atomcam {
+
+void write_diagnosis(const std::filesystem::path& folder, const Diagnosis& diagnosis,
+                     const DiagnosisInputs& inputs, const FrameSequence& frames, const FrameSequence* darks,
+                     int threads, const std::function<void(double)>& progress) {
+  const StackModel& model = diagnosis.calibration.model;
+  const std::size_t dark_frames = darks ? darks->frames() : 0;
+  const int stacks = report_stacks(frames.frames(), frames.shape().pixels());
+  const bool fixed = !diagnosis.effects.empty();
+  const auto tell = [&](int done) {
+    if (progress) progress(static_cast<double>(done) / (fixed ? 2 * stacks : stacks));
+  };
+  const auto simulate = [&](const Lab& lab, int before) {
+    return simulate_profiles(model, lab, frames.frames(), dark_frames, stacks, inputs.seed * 1000, threads,
+                             [&](int done) { tell(before + done); });
+  };
+  tell(0);
+  ReportProfiles profiles;
+  profiles.real = measure_profiles(model, frames, darks);
+  profiles.plain = simulate(diagnosis.plain_lab, 0);
+  if (fixed) profiles.fixed = simulate(diagnosis.lab, stacks);
+  const std::string page = diagnosis_report(diagnosis, inputs, profiles);
+  make_folder(folder, "folder");
+  write_text(folder / "diagnosis.json", diagnosis_json(diagnosis, inputs));
+  write_text(folder / "report.html", page);
+  write_text(folder / "lab.toml", write_lab(diagnosis.lab));
+}
+
+}  // namespace atomcam

@@ -1,0 +1,19 @@
+#pragma once
+// A diagnosis's files: diagnosis.json, lab.toml, report.html.
+
+#include <filesystem>
+#include <functional>
+
+#include "diagnosis/diagnosis.hpp"
+#include "diagnosis/diagnosis_json.hpp"
+
+namespace atomcam {
+
+/// Into a folder, which is made. The bands of the report's figures are simulated for it, on `threads`
+/// threads, and the frames are gone through once more. `progress`: how much of this is done (0 to 1), from
+/// any of the threads; what it throws ends the work, and nothing is written.
+void write_diagnosis(const std::filesystem::path& folder, const Diagnosis& diagnosis,
+                     const DiagnosisInputs& inputs, const FrameSequence& frames, const FrameSequence* darks,
+                     int threads, const std::function<void(double done)>& progress = {});
+
+}  // namespace atomcam

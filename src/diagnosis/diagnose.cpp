@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <numeric>
 #include <set>
 
 #include "base/error.hpp"
@@ -463,41 +462,9 @@ class Diagnoser {
     gap.steps.push_back({final_.effects.back(), gap.after});
   }
 
-  void list_differences() {
-    std::vector<std::size_t> order(declarations_.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-      return std::fabs(plain_.z(static_cast<Eigen::Index>(a))) >
-             std::fabs(plain_.z(static_cast<Eigen::Index>(b)));
-    });
-    // Benjamini and Hochberg over the battery.
-    const double count = static_cast<double>(order.size());
-    std::vector<double> q(order.size());
-    double least = 1;
-    for (std::size_t rank = order.size(); rank-- > 0;) {
-      const double z = std::fabs(plain_.z(static_cast<Eigen::Index>(order[rank])));
-      const double p = std::erfc(z / std::sqrt(2.0));
-      least = std::min(least, p * count / static_cast<double>(rank + 1));
-      q[rank] = least;
-    }
-    for (std::size_t rank = 0; rank < std::min<std::size_t>(40, order.size()); ++rank) {
-      const StatisticDeclaration& statistic = declarations_[order[rank]];
-      Difference one;
-      one.stage = stage_of_observable(statistic.observable, statistic.darks);
-      one.statistic = statistic.name;
-      one.observable = statistic.observable;
-      one.axis = statistic.axis;
-      one.place = statistic.place;
-      one.z = plain_.z(static_cast<Eigen::Index>(order[rank]));
-      one.q = q[rank];
-      one.z_after = have_final_ ? final_.z(static_cast<Eigen::Index>(order[rank])) : one.z;
-      result_.where.push_back(std::move(one));
-    }
-  }
-
   void conclude() {
     how_far();
-    list_differences();
+    result_.where = ranked_differences(declarations_, plain_.z, have_final_ ? final_.z : plain_.z);
     result_.plain_lab = plain_.fitted_lab();
     result_.lab = have_final_ ? final_.fitted_lab() : plain_.fitted_lab();
     if (result_.verdict == Verdict::no_gap && result_.p_gap < gap_level)

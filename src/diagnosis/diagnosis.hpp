@@ -80,6 +80,7 @@ struct DiagnosisOptions {
 };
 
 struct Diagnosis {
+  bool against = false;  // another stack was in the place of the simulation
   Verdict verdict = Verdict::no_gap;
   std::string sentence;
   std::vector<FoundEffect> effects;

@@ -47,8 +47,7 @@ Correlation::Correlation(const Eigen::MatrixXd& own) {
   solver.compute(matrix);
 }
 
-OmnibusTest::OmnibusTest(const Standard& standard) {
-  const Eigen::MatrixXd& own = standard.own();
+OmnibusTest::OmnibusTest(const Eigen::MatrixXd& own) {
   std::array<std::vector<double>, views> samples;
   std::vector<Views> seen;
   for (Eigen::Index n = 0; n < own.rows(); ++n) {

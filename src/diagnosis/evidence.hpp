@@ -37,7 +37,9 @@ struct Correlation {
 /// |z| and the gap; one p-value.
 class OmnibusTest {
  public:
-  explicit OmnibusTest(const Standard& standard);
+  explicit OmnibusTest(const Standard& standard) : OmnibusTest(standard.own()) {}
+  /// `own`: residuals of stacks that do not differ, a row each.
+  explicit OmnibusTest(const Eigen::MatrixXd& own);
   double p_value(const Eigen::VectorXd& z) const;
   /// p-values of the model's own stacks (each was judged without itself).
   const std::vector<double>& own_p_values() const { return own_p_; }

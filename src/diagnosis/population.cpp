@@ -50,10 +50,12 @@ class SimulatedFrames : public FrameSequence {
 }  // namespace
 
 std::unique_ptr<FrameSequence> simulate_stack(const Lab& lab, const StackPlan& plan,
-                                              std::uint64_t stack_number, bool shutter_open) {
+                                              std::uint64_t stack_number, bool shutter_open,
+                                              std::optional<std::uint64_t> sensor_number) {
+  const auto seed = [&](std::uint64_t number) { return plan.seed * 1000003 + number; };
   Lab own = lab;
-  own.seed = plan.seed * 1000003 + stack_number;
-  own.serial = std::to_string(own.seed);
+  own.seed = seed(stack_number);
+  own.serial = std::to_string(seed(sensor_number.value_or(stack_number)));
   return std::make_unique<SimulatedFrames>(own, shutter_open ? plan.frames : plan.dark_frames, shutter_open);
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "analysis/battery.hpp"
@@ -26,9 +27,11 @@ struct StackPlan {
   std::function<void()> check_in;  // after every stack, on its thread; what it throws ends the work
 };
 
-/// The light (or dark) frames of one simulated stack.
+/// The light (or dark) frames of one simulated stack. Stacks have a sensor each, or, where `sensor_number` is
+/// given, that of the stack of this number.
 std::unique_ptr<FrameSequence> simulate_stack(const Lab& lab, const StackPlan& plan,
-                                              std::uint64_t stack_number, bool shutter_open);
+                                              std::uint64_t stack_number, bool shutter_open,
+                                              std::optional<std::uint64_t> sensor_number = {});
 BatteryValues simulate_and_measure(const Lab& lab, const StackPlan& plan, std::uint64_t stack_number);
 
 /// The battery's values as a vector.

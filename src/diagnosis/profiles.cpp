@@ -439,6 +439,18 @@ std::vector<Profiles> simulate_profiles(const StackModel& model, const Lab& lab,
   return all;
 }
 
+void scatter_about(const Profiles& real, std::vector<Profiles>& simulated) {
+  for (std::size_t k = 0; k < real.curves.size(); ++k) {
+    const CurveBand band = band_of(simulated, k);
+    for (Profiles& one : simulated)
+      for (std::size_t i = 0; i < band.mean.size(); ++i) {
+        double& y = one.curves[k].y[i];
+        y = real.curves[k].y[i] + std::sqrt(2.0) * (y - band.mean[i]);
+      }
+  }
+  for (Profiles& one : simulated) one.maps = real.maps;
+}
+
 CurveBand band_of(std::span<const Profiles> stacks, std::size_t curve) {
   CurveBand band;
   if (stacks.empty()) return band;

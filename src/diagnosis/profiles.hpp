@@ -39,6 +39,11 @@ std::vector<Profiles> simulate_profiles(const StackModel& model, const Lab& lab,
                                         std::size_t dark_frames, int stacks, std::uint64_t seed, int threads,
                                         const std::function<void(int done)>& progress = {});
 
+/// Moves simulated stacks so that their mean is another real stack, and widens them to the scatter of a
+/// difference of two stacks: what is within their band does not differ from it. Maps become the other
+/// stack's.
+void scatter_about(const Profiles& real, std::vector<Profiles>& simulated);
+
 /// Mean and standard deviation of a curve over stacks, point by point. The deviation is smoothed over
 /// neighbouring points: a few stacks say little about one point.
 struct CurveBand {

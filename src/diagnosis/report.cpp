@@ -59,7 +59,9 @@ std::string gap_budget(const Diagnosis& diagnosis) {
   parts.push_back(
       {chance ? fmt::format("more than the floor, by chance (p = {:.2g})", diagnosis.p_gap) : "left",
        std::max(0.0, level - floor), chance ? "#c9c9c4" : orange});
-  parts.push_back({"floor: simulation against simulation", floor, grey});
+  parts.push_back(
+      {diagnosis.against ? "floor: stacks that do not differ" : "floor: simulation against simulation", floor,
+       grey});
   const double total = std::max(gap.before, 1e-9);
   constexpr double width = 720, height = 30;
   std::string bars, legend;
@@ -175,17 +177,22 @@ int report_stacks(std::size_t frames, std::size_t pixels) {
 std::string diagnosis_report(const Diagnosis& diagnosis, const DiagnosisInputs& inputs,
                              const ReportProfiles& profiles) {
   const GapClosed& gap = diagnosis.gap;
-  std::string out = "<h1>Simulation against your frames</h1>\n";
+  std::string out = diagnosis.against ? "<h1>One stack against another</h1>\n"
+                                      : "<h1>Simulation against your frames</h1>\n";
   out += fmt::format("<p class=\"sentence\"><span class=\"verdict\">{}</span>{}</p>\n",
                      verdict_in_words(diagnosis.verdict), escaped(diagnosis.sentence));
   out += gap_budget(diagnosis);
-  out += fmt::format("<p>Probability of frames as odd as these under the plain model: {}{}</p>\n",
-                     short_number(diagnosis.p_gap, 2),
-                     diagnosis.effects.empty()
-                         ? "."
-                         : fmt::format("; with the effects found: {}. {} of the gap is closed ({} to {}).",
-                                       short_number(diagnosis.p_after, 2), percent(gap.closed),
-                                       percent(gap.closed_low), percent(gap.closed_high)));
+  if (diagnosis.against)
+    out += fmt::format("<p>Probability of two stacks as different as these by chance: {}.</p>\n",
+                       short_number(diagnosis.p_gap, 2));
+  else
+    out += fmt::format("<p>Probability of frames as odd as these under the plain model: {}{}</p>\n",
+                       short_number(diagnosis.p_gap, 2),
+                       diagnosis.effects.empty()
+                           ? "."
+                           : fmt::format("; with the effects found: {}. {} of the gap is closed ({} to {}).",
+                                         short_number(diagnosis.p_after, 2), percent(gap.closed),
+                                         percent(gap.closed_low), percent(gap.closed_high)));
   if (diagnosis.unexplained.present)
     out += fmt::format("<p><b>Not explained:</b> {} stage; {}.</p>\n", escaped(diagnosis.unexplained.stage),
                        escaped(diagnosis.unexplained.looks_like));
@@ -195,23 +202,24 @@ std::string diagnosis_report(const Diagnosis& diagnosis, const DiagnosisInputs& 
     out += "</ul>\n";
   }
   out += found_effects(diagnosis);
-  out +=
-      "<h2>Where</h2>\n<p class=\"note\">The strongest differences between the frames and the calibrated "
-      "plain model, "
-      "in standard deviations of simulated stacks";
-  out += diagnosis.effects.empty() ? "; " : " (before → with the effects found); ";
-  out +=
-      "labelled where fewer than one in a hundred would be a false discovery. Orange: more in the frames, "
-      "blue: "
-      "less.</p>\n";
+  out += fmt::format(
+      "<h2>Where</h2>\n<p class=\"note\">The strongest differences between the frames and the {}, in "
+      "standard "
+      "deviations of {}{}; labelled where fewer than one in a hundred would be a false discovery. Orange: "
+      "more "
+      "in the frames, blue: less.</p>\n",
+      diagnosis.against ? "other stack" : "calibrated plain model",
+      diagnosis.against ? "stacks that do not differ" : "simulated stacks",
+      diagnosis.effects.empty() ? "" : " (before → with the effects found)");
   out += where_matrix(diagnosis);
   out += "<details><summary>One by one</summary>\n" + where_list(diagnosis, 40) + "</details>\n";
   if (!profiles.plain.empty()) {
-    out += fmt::format(
-        "<h2>Frames, plain model{}</h2>\n<p class=\"note\">Dots: the frames. Bands: two standard deviations "
-        "of {} simulated "
-        "stacks about their mean. The curves that differ most come first.</p>\n",
-        profiles.fixed.empty() ? "" : ", with the effects found", profiles.plain.size());
+    out += fmt::format("<h2>Frames, {}{}</h2>\n<p class=\"note\">Dots: the frames. Bands: ", profiles.other,
+                       profiles.fixed.empty() ? "" : ", with the effects found");
+    out += diagnosis.against ? "two standard deviations of what such stacks differ by, about the other stack."
+                             : fmt::format("two standard deviations of {} simulated stacks about their mean.",
+                                           profiles.plain.size());
+    out += " The curves that differ most come first.</p>\n";
     out += curves(profiles, 6);
     out += "<h2>Maps</h2>\n" + maps(profiles);
   }

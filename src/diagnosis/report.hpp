@@ -10,10 +10,12 @@
 
 namespace atomcam {
 
-/// What is drawn: the real frames, the plain model, the model with the found effects (empty: none found).
+/// What is drawn: the real frames, the plain model (or another stack in its place), the model with the found
+/// effects (empty: none found).
 struct ReportProfiles {
   Profiles real;
   std::vector<Profiles> plain, fixed;
+  std::string other = "plain model";  // what `plain` is called
 };
 
 /// How many simulated stacks a band is drawn from: fewer for large stacks.

@@ -8,8 +8,9 @@ namespace atomcam {
 
 void write_diagnosis(const std::filesystem::path& folder, const Diagnosis& diagnosis,
                      const DiagnosisInputs& inputs, const FrameSequence& frames, const FrameSequence* darks,
-                     int threads, const std::function<void(double)>& progress) {
+                     const FrameSequence* against, int threads, const std::function<void(double)>& progress) {
   const StackModel& model = diagnosis.calibration.model;
+  if (against) darks = nullptr;  // they were not compared
   const std::size_t dark_frames = darks ? darks->frames() : 0;
   const int stacks = report_stacks(frames.frames(), frames.shape().pixels());
   const bool fixed = !diagnosis.effects.empty();
@@ -24,6 +25,10 @@ void write_diagnosis(const std::filesystem::path& folder, const Diagnosis& diagn
   ReportProfiles profiles;
   profiles.real = measure_profiles(model, frames, darks);
   profiles.plain = simulate(diagnosis.plain_lab, 0);
+  if (against) {
+    scatter_about(measure_profiles(model, *against, nullptr), profiles.plain);
+    profiles.other = "other stack";
+  }
   if (fixed) profiles.fixed = simulate(diagnosis.lab, stacks);
   const std::string page = diagnosis_report(diagnosis, inputs, profiles);
   make_folder(folder, "folder");

@@ -33,7 +33,7 @@ std::string chart(const ReportProfiles& profiles, std::size_t k, const CurveBand
   chart.x_label = real.x_label;
   chart.y_label = real.y_label;
   chart.log_y = real.log_y;
-  chart.bands.push_back(band(real, plain, "plain model", blue));
+  chart.bands.push_back(band(real, plain, profiles.other.c_str(), blue));
   Line line;
   line.colour = blue, line.x = real.x, line.y = plain.mean, line.dashed = true, line.width = 1;
   chart.lines.push_back(line);
@@ -48,10 +48,9 @@ std::string chart(const ReportProfiles& profiles, std::size_t k, const CurveBand
   seen.points = real.x.size() <= 130;
   seen.width = 1;
   chart.lines.push_back(seen);
-  return fmt::format(
-      "<figure>{}<figcaption>mean square distance from the plain model {}{}</figcaption></figure>\n",
-      svg(chart), short_number(before, 2),
-      profiles.fixed.empty() ? "" : ", with the effects found " + short_number(after, 2));
+  return fmt::format("<figure>{}<figcaption>mean square distance from the {} {}{}</figcaption></figure>\n",
+                     svg(chart), profiles.other, short_number(before, 2),
+                     profiles.fixed.empty() ? "" : ", with the effects found " + short_number(after, 2));
 }
 
 /// Point by point over the stacks.
@@ -66,8 +65,8 @@ std::vector<double> mean_map(const std::vector<Profiles>& stacks, std::size_t ma
   return mean;
 }
 
-std::string difference_map(const char* title, std::span<const double> real, std::span<const double> model,
-                           Shape shape, Scale scale, const std::string& unit) {
+std::string difference_map(const std::string& title, std::span<const double> real,
+                           std::span<const double> model, Shape shape, Scale scale, const std::string& unit) {
   std::vector<double> rest(real.size());
   for (std::size_t i = 0; i < rest.size(); ++i) rest[i] = real[i] - model[i];
   return map_figure(title, "", rest, shape, scale, Palette::diverging, unit, 190);
@@ -117,7 +116,7 @@ std::string maps(const ReportProfiles& profiles) {
     };
     out += fmt::format("<p>{}</p>\n<div class=\"row\">\n", escaped(real.title));
     out += figure("frames", real.values.pixels());
-    out += figure("plain model", plain);
+    out += figure(profiles.other, plain);
     if (has_fixed) out += figure("with the effects", all.back());
     if (real.key.ends_with("site_image")) {
       const std::vector<double> expected = mean_map(profiles.plain, k);
@@ -126,7 +125,8 @@ std::string maps(const ReportProfiles& profiles) {
       const std::span<const double> one[] = {rest};
       const Scale about = scale_of(one, true);
       out += "</div>\n<div class=\"row\">\n";
-      out += difference_map("frames less plain", real.values.pixels(), expected, shape, about, real.unit);
+      out += difference_map("frames less " + profiles.other, real.values.pixels(), expected, shape, about,
+                            real.unit);
       if (has_fixed)
         out += difference_map("frames less fixed", real.values.pixels(), mean_map(profiles.fixed, k), shape,
                               about, real.unit);

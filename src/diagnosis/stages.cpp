@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include "diagnosis/uncertain.hpp"
 
@@ -49,6 +50,40 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   return std::max_element(votes.begin(), votes.end(),
                           [](const auto& a, const auto& b) { return a.second < b.second; })
       ->first;
+}
+
+std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaration>& battery,
+                                           const Eigen::VectorXd& z, const Eigen::VectorXd& z_after) {
+  constexpr std::size_t listed = 40;
+  const auto size = [&](std::size_t k) { return std::fabs(z(static_cast<Eigen::Index>(k))); };
+  std::vector<std::size_t> order(battery.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return size(a) > size(b); });
+  // Benjamini and Hochberg over the battery.
+  const double count = static_cast<double>(order.size());
+  std::vector<double> q(order.size());
+  double least = 1;
+  for (std::size_t rank = order.size(); rank-- > 0;) {
+    const double p = std::erfc(size(order[rank]) / std::sqrt(2.0));
+    least = std::min(least, p * count / static_cast<double>(rank + 1));
+    q[rank] = least;
+  }
+  std::vector<Difference> list;
+  for (std::size_t rank = 0; rank < std::min(listed, order.size()); ++rank) {
+    const StatisticDeclaration& statistic = battery[order[rank]];
+    const auto at = static_cast<Eigen::Index>(order[rank]);
+    Difference one;
+    one.stage = stage_of_observable(statistic.observable, statistic.darks);
+    one.statistic = statistic.name;
+    one.observable = statistic.observable;
+    one.axis = statistic.axis;
+    one.place = statistic.place;
+    one.z = z(at);
+    one.q = q[rank];
+    one.z_after = z_after(at);
+    list.push_back(std::move(one));
+  }
+  return list;
 }
 
 std::string describe_differences(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {

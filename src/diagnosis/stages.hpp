@@ -18,6 +18,10 @@ std::string stage_of_observable(std::string_view observable, bool darks);
 std::string stage_of_differences(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
                                  const std::vector<Hypothesis>& hypotheses);
 
+/// The strongest first, with the false discovery rate over the battery.
+std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaration>& battery,
+                                           const Eigen::VectorXd& z, const Eigen::VectorXd& z_after);
+
 /// In words: stage, axis, static or changing, of the most telling differences.
 std::string describe_differences(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z);
 

@@ -26,7 +26,7 @@ struct Diagnosed {
   int threads = 1;
 
   void write(const std::string& folder, const std::function<void(double)>& progress) const {
-    write_diagnosis(folder, diagnosis, inputs, *frames, darks.get(), threads, progress);
+    write_diagnosis(folder, diagnosis, inputs, *frames, darks.get(), nullptr, threads, progress);
   }
 };
 

@@ -279,6 +279,23 @@ class Commands(unittest.TestCase):
                                                          "camera.shutter_open=false"), "--where-only")
         self.assertEqual((result.returncode, diagnosis["verdict"]), (0, "no_gap"), diagnosis["sentence"])
 
+    def test_one_stack_against_another(self):
+        result, diagnosis, out = self.diagnose(self.plain, "--against", self.noisy)
+        self.assertEqual((result.returncode, diagnosis["verdict"]), (2, "unexplained"), diagnosis["sentence"])
+        self.assertEqual(diagnosis["where"][0]["observable"], "row_means")
+        self.assertLess(diagnosis["where"][0]["z"], 0)  # the frames have less of it
+        self.assertEqual((diagnosis["effects"], diagnosis["hypotheses"]), ([], []))
+        self.assertEqual(diagnosis["inputs"]["against"]["frames"], 48)
+        words = "".join(self.page(os.path.join(out, "report.html")).itertext())
+        self.assertIn("One stack against another", words)
+        self.assertIn("--against " + self.noisy, words)
+        good("lab", "--check", os.path.join(out, "lab.toml"))
+        self.refused(["--against", "--include"], 3, "diagnose", "--frames", self.plain, "--against", self.noisy, "--lab",
+                     self.no_sites, "--out", self.path("x"), "--include", "row_noise")
+        few = self.render("few.npy", LAB % 0, 12)
+        self.refused(["against: 12 frames", "16"], 3, "diagnose", "--frames", self.plain, "--against", few, "--lab",
+                     self.no_sites, "--out", self.path("x"))
+
     def test_hash_of_a_folder_of_frames(self):
         os.mkdir(self.path("folder"))
         for n in range(40):

@@ -12,9 +12,11 @@
 #include "atomcam/commands.hpp"
 #include "atomcam/run_command.hpp"
 #include "atomcam/step_progress.hpp"
+#include "base/error.hpp"
 #include "calibration/stack_frames.hpp"
 #include "data/file_hash.hpp"
 #include "data/output_files.hpp"
+#include "diagnosis/against.hpp"
 #include "diagnosis/diagnosis.hpp"
 #include "diagnosis/diagnosis_json.hpp"
 #include "diagnosis/report_folder.hpp"
@@ -26,7 +28,7 @@ constexpr int bad_input = 3, failed = 4;
 constexpr double for_diagnosis = 0.96;  // of the time; the rest is for the report
 
 struct DiagnoseOptions {
-  std::string frames, darks, notes, output;
+  std::string frames, darks, notes, output, against;
   std::vector<std::string> exclude, include;
   std::uint64_t seed = 1;
   int threads = 0;
@@ -39,6 +41,7 @@ std::string command_of(const DiagnoseOptions& options) {
   CommandText text("atomcam diagnose");
   text.add("--frames", options.frames);
   if (!options.darks.empty()) text.add("--darks", options.darks);
+  if (!options.against.empty()) text.add("--against", options.against);
   text.add("--lab", options.notes).add("--out", options.output);
   for (const std::string& name : options.exclude) text.add("--exclude", name);
   for (const std::string& name : options.include) text.add("--include", name);
@@ -61,7 +64,9 @@ int exit_code(Verdict verdict) {
 
 void print_summary(const Diagnosis& diagnosis) {
   fmt::print("{}\n", diagnosis.sentence);
-  if (diagnosis.verdict != Verdict::no_gap)
+  if (diagnosis.against)
+    fmt::print("gap {:.1f}, floor {:.1f}\n", diagnosis.gap.before, diagnosis.gap.floor);
+  else if (diagnosis.verdict != Verdict::no_gap)
     fmt::print("gap {:.1f}, with what was found {:.1f}, floor {:.1f}\n", diagnosis.gap.before,
                diagnosis.gap.after, diagnosis.gap.floor);
   for (const FoundEffect& effect : diagnosis.effects)
@@ -72,9 +77,13 @@ void print_summary(const Diagnosis& diagnosis) {
 }
 
 int run(const DiagnoseOptions& options) {
+  if (!options.against.empty() && !(options.include.empty() && options.exclude.empty()))
+    throw Error("--against",
+                "compares two stacks without any effects: --include and --exclude are not allowed");
   const Notes notes = read_notes(options.notes);
   const auto frames = open_frames(options.frames);
   const auto darks = options.darks.empty() ? nullptr : open_frames(options.darks);
+  const auto against = options.against.empty() ? nullptr : open_frames(options.against);
   const std::filesystem::path folder = options.output;
   check_folder(folder, "--out");
 
@@ -84,6 +93,9 @@ int run(const DiagnoseOptions& options) {
   if (darks)
     inputs.files.push_back(
         {"darks", options.darks, sha256_of(options.darks), darks->frames(), darks->shape()});
+  if (against)
+    inputs.files.push_back(
+        {"against", options.against, sha256_of(options.against), against->frames(), against->shape()});
   inputs.files.push_back({"notes", options.notes, sha256_of(options.notes), 0, {}});
   inputs.exclude = options.exclude;
   inputs.include = options.include;
@@ -104,10 +116,11 @@ int run(const DiagnoseOptions& options) {
   {
     StepProgress progress;
     how.progress = [&](std::string_view step, double done) { progress.update(step, done * for_diagnosis); };
-    diagnosis = diagnose(notes, *frames, darks.get(), how);
-    write_diagnosis(folder, diagnosis, inputs, *frames, darks.get(), how.threads, [&](double done) {
-      progress.update("report", for_diagnosis + (1 - for_diagnosis) * done);
-    });
+    diagnosis = against ? diagnose_against(notes, *frames, *against, darks.get(), how)
+                        : diagnose(notes, *frames, darks.get(), how);
+    write_diagnosis(
+        folder, diagnosis, inputs, *frames, darks.get(), against.get(), how.threads,
+        [&](double done) { progress.update("report", for_diagnosis + (1 - for_diagnosis) * done); });
   }
   for (const std::string& key : notes.not_understood)
     fmt::print(stderr, "{}: {}: not understood, left alone\n", options.notes, key);
@@ -128,6 +141,8 @@ void add_diagnose_command(CLI::App& app) {
   command
       ->add_option("--out", options->output, "Folder to write diagnosis.json, lab.toml and report.html into")
       ->required();
+  command->add_option("--against", options->against,
+                      "Another stack, to compare the frames with instead of their simulation");
   command->add_option("--exclude", options->exclude, "An effect that is not looked for (may be repeated)")
       ->allow_extra_args(false);
   command

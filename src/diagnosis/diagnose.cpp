@@ -283,6 +283,7 @@ class Diagnoser {
       Hypothesis seen;
       seen.effects = {one.effect->name};
       seen.log_evidence = one.log_likelihood;
+      seen.share = one.share;
       result_.hypotheses.push_back(std::move(seen));
     }
     std::vector<Contender> contenders;

@@ -42,6 +42,7 @@ struct FoundEffect {
 struct Hypothesis {
   std::vector<std::string> effects;
   double log_evidence = 0;  // against the plain model, from the scan
+  double share = 0;         // of the plain model's misfit that the scan's best would take away
   double p_value = -1;      // goodness of fit once fitted by simulation; -1: not fitted
   double closed = 0;        // of the gap, once fitted
   std::string why_not;

@@ -197,6 +197,8 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
         one.lowest = moved - 5 * one.width;
         one.highest = moved + 5 * one.width;
         one.centre = moved;
+        one.steady = 0;  // the next recalibration sees this step, not its own last one
+        one.pull = 0;
         continue;
       }
       if (one.cycle > 0)

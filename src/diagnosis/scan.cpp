@@ -152,6 +152,7 @@ void match(Scan& scan, const Model& before, const Eigen::VectorXd& z) {
                                     [](const auto& a, const auto& b) { return a.first < b.first; });
   scan.best = top->second;
   scan.log_likelihood = top->first - before_log;
+  scan.share = before_log < 0 ? std::clamp(scan.log_likelihood / -before_log, 0.0, 1.0) : 0;
   scan.predicted = (*scan.emulator)(scan.best).mean;
   // Widths from how fast the evidence falls.
   Eigen::VectorXd squares = Eigen::VectorXd::Zero(dimension);

@@ -21,6 +21,7 @@ struct Scan {
   Eigen::VectorXd best, width;  // coordinates
   Eigen::VectorXd predicted;    // compressed z at the best parameters
   double log_likelihood = 0;    // relative to that of the model before: the evidence for the effect
+  double share = 0;             // of the misfit of the model before that it takes away
 };
 
 /// Effects that make sense on this camera and are not excluded, nor in the model already.

@@ -39,13 +39,14 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   // What shows with the shutter closed is the sensor's.
   if (darks > 0.2 * all && darks > 1) return "sensor";
   if (!hypotheses.empty()) {
-    // The stage of the known effects that come closest, by their evidence.
-    double best = 0;
+    // The stage of the known effects that come closest, as far as these take anything away.
+    double best = 0, share = 0;
     for (const Hypothesis& one : hypotheses)
-      if (one.effects.size() == 1) best = std::max(best, one.log_evidence);
+      if (one.effects.size() == 1 && one.log_evidence > best) best = one.log_evidence, share = one.share;
+    const double trust = 2 * std::max(1.0, all) * std::min(1.0, 2 * share);
     for (const Hypothesis& one : hypotheses)
-      if (one.effects.size() == 1 && one.log_evidence > 0 && best > 0)
-        votes[stage_of(one.effects.front())] += 2 * std::max(1.0, all) * std::pow(one.log_evidence / best, 4);
+      if (one.effects.size() == 1 && one.log_evidence > 0)
+        votes[stage_of(one.effects.front())] += trust * std::pow(one.log_evidence / best, 4);
   }
   return std::max_element(votes.begin(), votes.end(),
                           [](const auto& a, const auto& b) { return a.second < b.second; })

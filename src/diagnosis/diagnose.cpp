@@ -460,11 +460,37 @@ class Diagnoser {
     gap.closed = closed(floor.at(0.5));
     gap.closed_low = closed(floor.at(0.05));
     gap.closed_high = closed(floor.at(0.95));
+    list_steps(before, fitted);
+  }
+
+  /// Of several effects: the gap with only the first ones, calibration being free to follow.
+  void list_steps(const Standard& before, const Eigen::VectorXd& fitted) {
+    GapClosed& gap = result_.gap;
+    const Eigen::VectorXd held_out = as_vector(real_.part[1]);
+    for (std::size_t count = 1; count < final_.effects.size(); ++count) {
+      Model fewer = final_.with_first_effects(count, fitted);
+      const std::string step_name = title(fewer);
+      recalibrate(fewer, real_stack(), plan_, numbers_of("step calibration/" + step_name));
+      fewer.population =
+          simulate_population(fewer.lab, fewer.open, 40, plan_, numbers_of("step/" + step_name));
+      const Standard step(fewer.population, Part::held_out, {}, {}, 8);
+      gap.steps.push_back(
+          {fewer.effects.back(), gap_of(step.judge(held_out).cwiseProduct(in_larger_units(step, before)))});
+    }
     gap.steps.push_back({final_.effects.back(), gap.after});
+  }
+
+  void ask_others() {
+    tell("second opinions", 0.99);
+    const OpinionModel plain = opinion_model(plain_, real_);
+    const OpinionModel fixed = have_final_ ? opinion_model(final_, real_) : OpinionModel{};
+    result_.gap.second_opinions =
+        second_opinions(frames_, plan_, plain, have_final_ ? &fixed : nullptr, numbers_of("opinions"));
   }
 
   void conclude() {
     how_far();
+    if (!options_.where_only) ask_others();
     result_.where = ranked_differences(declarations_, plain_.z, have_final_ ? final_.z : plain_.z);
     result_.plain_lab = plain_.fitted_lab();
     result_.lab = have_final_ ? final_.fitted_lab() : plain_.fitted_lab();

@@ -12,6 +12,7 @@
 
 #include "analysis/battery.hpp"
 #include "calibration/calibrate.hpp"
+#include "diagnosis/second_opinions.hpp"
 
 namespace atomcam {
 
@@ -48,6 +49,7 @@ struct Hypothesis {
   std::string why_not;
 };
 
+/// The gap once this effect is added to those before it, at the values that all of them were fitted to.
 struct GapStep {
   std::string effect;
   double gap = 0;
@@ -57,6 +59,7 @@ struct GapClosed {
   double before = 0, after = 0, floor = 0, closed = 0;
   double closed_low = 0, closed_high = 0;
   std::vector<GapStep> steps;
+  SecondOpinions second_opinions;
 };
 
 struct Unexplained {

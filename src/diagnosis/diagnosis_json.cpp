@@ -43,6 +43,40 @@ Json where_of(const Diagnosis& diagnosis) {
   return where;
 }
 
+/// Null if it does not exist.
+Json figure(const Figure& figure) {
+  if (!std::isfinite(figure.value)) return nullptr;
+  return {{"value", figure.value}, {"error", number(figure.error)}};
+}
+
+Json second_opinions_of(const SecondOpinions& opinions) {
+  Json metrics = Json::array();
+  for (const SecondOpinion& one : opinions.metrics)
+    metrics.push_back({{"metric", one.metric},
+                       {"before", figure(one.before)},
+                       {"after", figure(one.after)},
+                       {"floor", figure(one.floor)},
+                       {"closed", number(one.closed)},
+                       {"sees", one.sees},
+                       {"blind_to", one.blind_to}});
+  return metrics;
+}
+
+Json detection_of(const SecondOpinions& opinions) {
+  const auto of = [](const DetectorOpinion::OfFrames& frames) -> Json {
+    return {{"fidelity", figure(frames.fidelity)},
+            {"separation", figure(frames.separation)},
+            {"true_fidelity", figure(frames.truly)}};
+  };
+  Json detectors = Json::array();
+  for (const DetectorOpinion& one : opinions.detectors)
+    detectors.push_back({{"detector", one.detector},
+                         {"real", of(one.real)},
+                         {"before", of(one.before)},
+                         {"after", of(one.after)}});
+  return detectors;
+}
+
 Json gap_of_diagnosis(const Diagnosis& diagnosis) {
   const GapClosed& gap = diagnosis.gap;
   Json steps = Json::array();
@@ -56,7 +90,8 @@ Json gap_of_diagnosis(const Diagnosis& diagnosis) {
           {"p_before", number(diagnosis.p_gap)},
           {"p_after", number(diagnosis.p_after)},
           {"steps", std::move(steps)},
-          {"second_opinions", Json::array()}};
+          {"second_opinions", second_opinions_of(gap.second_opinions)},
+          {"detection", detection_of(gap.second_opinions)}};
 }
 
 Json hypotheses_of(const Diagnosis& diagnosis) {

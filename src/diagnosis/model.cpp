@@ -10,13 +10,39 @@
 
 namespace atomcam {
 Lab Model::fitted_lab() const {
+  if (estimate.size()) return lab_at(estimate);
+  Eigen::VectorXd centres(static_cast<Eigen::Index>(open.size()));
+  for (std::size_t k = 0; k < open.size(); ++k) centres(static_cast<Eigen::Index>(k)) = open[k].centre;
+  return lab_at(centres);
+}
+
+Lab Model::lab_at(const Eigen::VectorXd& coordinates) const {
   Lab fitted = lab;
-  for (std::size_t k = 0; k < open.size(); ++k) {
-    const double c = estimate.size() ? estimate(static_cast<Eigen::Index>(k)) : open[k].centre;
-    open[k].apply(fitted, std::clamp(c, open[k].lowest, open[k].highest));
-  }
+  for (std::size_t k = 0; k < open.size(); ++k)
+    open[k].apply(fitted,
+                  std::clamp(coordinates(static_cast<Eigen::Index>(k)), open[k].lowest, open[k].highest));
   fitted.place_sites();
   return fitted;
+}
+
+Model Model::with_first_effects(std::size_t count, const Eigen::VectorXd& coordinates) const {
+  Model fewer;
+  fewer.effects.assign(effects.begin(), effects.begin() + static_cast<std::ptrdiff_t>(count));
+  fewer.lab = lab;
+  fewer.first_effect_parameter = first_effect_parameter;
+  for (std::size_t k = 0; k < open.size(); ++k) {
+    Uncertain one = open[k];
+    if (static_cast<Eigen::Index>(k) >= first_effect_parameter) {
+      const bool kept = std::any_of(fewer.effects.begin(), fewer.effects.end(), [&](const std::string& name) {
+        return one.name.starts_with("effects." + name + ".");
+      });
+      if (!kept) continue;
+      one.centre = std::clamp(coordinates(static_cast<Eigen::Index>(k)), one.lowest, one.highest);
+      one.width = 0;
+    }
+    fewer.open.push_back(std::move(one));
+  }
+  return fewer;
 }
 
 Eigen::VectorXd optical_detail(const Eigen::VectorXd& deviation, const StackPlan& plan) {

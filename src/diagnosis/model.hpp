@@ -30,6 +30,10 @@ struct Model {
 
   /// The lab at the fitted values.
   Lab fitted_lab() const;
+  /// The lab with the open parameters at these coordinates.
+  Lab lab_at(const Eigen::VectorXd& coordinates) const;
+  /// The model with only the first `count` of its effects, fixed at these coordinates.
+  Model with_first_effects(std::size_t count, const Eigen::VectorXd& coordinates) const;
 };
 
 /// No objective is described by fifteen Zernike terms to the precision of some hundred frames: how far the

@@ -49,13 +49,19 @@ class SimulatedFrames : public FrameSequence {
 
 }  // namespace
 
-std::unique_ptr<FrameSequence> simulate_stack(const Lab& lab, const StackPlan& plan,
-                                              std::uint64_t stack_number, bool shutter_open,
-                                              std::optional<std::uint64_t> sensor_number) {
+Lab lab_of_stack(const Lab& lab, const StackPlan& plan, std::uint64_t stack_number,
+                 std::optional<std::uint64_t> sensor_number) {
   const auto seed = [&](std::uint64_t number) { return plan.seed * 1000003 + number; };
   Lab own = lab;
   own.seed = seed(stack_number);
   own.serial = std::to_string(seed(sensor_number.value_or(stack_number)));
+  return own;
+}
+
+std::unique_ptr<FrameSequence> simulate_stack(const Lab& lab, const StackPlan& plan,
+                                              std::uint64_t stack_number, bool shutter_open,
+                                              std::optional<std::uint64_t> sensor_number) {
+  const Lab own = lab_of_stack(lab, plan, stack_number, sensor_number);
   return std::make_unique<SimulatedFrames>(own, shutter_open ? plan.frames : plan.dark_frames, shutter_open);
 }
 

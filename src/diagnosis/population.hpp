@@ -24,11 +24,14 @@ struct StackPlan {
   std::uint64_t seed = 1;
   int threads = 1;
   const KeptResults* kept = nullptr;  // null: everything is simulated
-  std::function<void()> check_in;  // after every stack, on its thread; what it throws ends the work
+  std::function<void()> check_in;     // after every stack, on its thread; what it throws ends the work
 };
 
-/// The light (or dark) frames of one simulated stack. Stacks have a sensor each, or, where `sensor_number` is
-/// given, that of the stack of this number.
+/// The lab of one simulated stack, with a seed of its own. Stacks have a sensor each, or, where
+/// `sensor_number` is given, that of the stack of this number.
+Lab lab_of_stack(const Lab& lab, const StackPlan& plan, std::uint64_t stack_number,
+                 std::optional<std::uint64_t> sensor_number = {});
+/// The light (or dark) frames of such a stack.
 std::unique_ptr<FrameSequence> simulate_stack(const Lab& lab, const StackPlan& plan,
                                               std::uint64_t stack_number, bool shutter_open,
                                               std::optional<std::uint64_t> sensor_number = {});

@@ -9,6 +9,7 @@
 #include "calibration/report.hpp"
 #include "calibration/report_chart.hpp"
 #include "calibration/report_page.hpp"
+#include "diagnosis/report_opinions.hpp"
 #include "diagnosis/report_profiles.hpp"
 #include "diagnosis/report_where.hpp"
 
@@ -223,6 +224,7 @@ std::string diagnosis_report(const Diagnosis& diagnosis, const DiagnosisInputs& 
     out += curves(profiles, 6);
     out += "<h2>Maps</h2>\n" + maps(profiles);
   }
+  out += second_opinions_markup(diagnosis.gap.second_opinions);
   out += hypotheses(diagnosis);
   out += "<h2>Calibration of the plain model</h2>\n<details><summary>Parameters</summary>\n" +
          parameter_table_markup(diagnosis.calibration) + "</details>\n";

@@ -132,7 +132,7 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
   const Eigen::Index n = statistics.rows(), p = statistics.cols(), m = population.draws.cols();
   fit_ = fit(statistics, population.draws);
   own_.setZero(n, p);
-  Eigen::MatrixXd misses(n, m);
+  misses_.setZero(n, m);
   for (int fold = 0; fold < folds; ++fold) {
     std::vector<Eigen::Index> in, out;
     for (Eigen::Index k = 0; k < n; ++k) (k % folds == fold ? out : in).push_back(k);
@@ -152,12 +152,12 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
       own_.row(k) = (z - without.slope * delta).transpose();
       for (Eigen::Index i = 0; i < p; ++i)
         if (!std::isfinite(statistics(k, i)) || without.spread(i) <= 0) own_(k, i) = 0;
-      misses.row(k) =
+      misses_.row(k) =
           (without.draw_mean + delta.cwiseProduct(without.draw_spread)).transpose() - population.draws.row(k);
     }
   }
   estimate_error_ =
-      (misses.colwise().squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, n))).cwiseSqrt();
+      (misses_.colwise().squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, n))).cwiseSqrt();
   // A heavy tail counts as a wide law: the deviation is at least what the outer quantiles say.
   deviation_.setZero(p);
   erratic_.assign(static_cast<std::size_t>(p), false);

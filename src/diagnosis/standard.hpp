@@ -36,6 +36,8 @@ class Standard {
   /// Open parameters that fit the stack best (coordinates) and the errors of such estimates.
   Eigen::VectorXd estimate(const Eigen::VectorXd& statistics) const;
   const Eigen::VectorXd& estimate_error() const { return estimate_error_; }
+  /// What those errors are for the population's own stacks: estimate less draw, [stack, parameter].
+  const Eigen::MatrixXd& misses() const { return misses_; }
   /// Standard deviation of each statistic's residual, in the statistic's unit.
   const Eigen::VectorXd& deviation() const { return deviation_; }
   /// What the model expects with its open parameters at the draws' mean, and by how much a unit of each
@@ -60,7 +62,7 @@ class Standard {
   Fit fit_;
   Eigen::VectorXd deviation_;
   std::vector<bool> erratic_;
-  Eigen::MatrixXd own_;
+  Eigen::MatrixXd own_, misses_;
   Eigen::VectorXd estimate_error_;
 };
 

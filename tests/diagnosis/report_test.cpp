@@ -31,11 +31,22 @@ Diagnosis everything() {
   d.gap.before = 100, d.gap.after = 10, d.gap.floor = 5, d.gap.closed = 0.95;
   d.gap.closed_low = 0.9, d.gap.closed_high = std::numeric_limits<double>::quiet_NaN();
   d.gap.steps = {{"row_noise", 10}};
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const DetectorOpinion::OfFrames simulated = {{0.99, 0.001}, {8, 0.1}, {0.991, 0.002}};
+  d.gap.second_opinions = {{{"classifier_auc",
+                             "means <of> patches",
+                             "where & when",
+                             {0.9, 0.01},
+                             {0.52, 0.02},
+                             {0.5, 0.03},
+                             0.95}},
+                           {{"threshold", {{0.98, 0.001}, {7, 0.1}, {nan, nan}}, simulated, simulated}},
+                           100};
   d.unexplained = {true, "optics", "<script>alert(1)</script>"};
   d.next_measurement = {"darks & flats"};
-  d.hypotheses = {{{"row_noise"}, 120, -1, 0, ""},
-                  {{"row_noise"}, 120, 0.3, 0.95, ""},
-                  {{"bias_drift"}, 3, 1e-6, 0.1, "leaves a < b at +9 sigma"}};
+  d.hypotheses = {{{"row_noise"}, 120, 0.9, -1, 0, ""},
+                  {{"row_noise"}, 120, 0.9, 0.3, 0.95, ""},
+                  {{"bias_drift"}, 3, 0.1, 1e-6, 0.1, "leaves a < b at +9 sigma"}};
   d.calibration.parameters = {{"camera.bias_counts", "counts", 200, 201, 0.1, false}};
   d.calibration.warnings = {"a & b"};
   d.seconds = 12;
@@ -90,7 +101,34 @@ TEST(DiagnosisJson, KeysAreStable) {
                                           "gap.p_after",
                                           "gap.steps[].effect",
                                           "gap.steps[].gap",
-                                          "gap.second_opinions",
+                                          "gap.second_opinions[].metric",
+                                          "gap.second_opinions[].before.value",
+                                          "gap.second_opinions[].before.error",
+                                          "gap.second_opinions[].after.value",
+                                          "gap.second_opinions[].after.error",
+                                          "gap.second_opinions[].floor.value",
+                                          "gap.second_opinions[].floor.error",
+                                          "gap.second_opinions[].closed",
+                                          "gap.second_opinions[].sees",
+                                          "gap.second_opinions[].blind_to",
+                                          "gap.detection[].detector",
+                                          "gap.detection[].real.fidelity.value",
+                                          "gap.detection[].real.fidelity.error",
+                                          "gap.detection[].real.separation.value",
+                                          "gap.detection[].real.separation.error",
+                                          "gap.detection[].real.true_fidelity",
+                                          "gap.detection[].before.fidelity.value",
+                                          "gap.detection[].before.fidelity.error",
+                                          "gap.detection[].before.separation.value",
+                                          "gap.detection[].before.separation.error",
+                                          "gap.detection[].before.true_fidelity.value",
+                                          "gap.detection[].before.true_fidelity.error",
+                                          "gap.detection[].after.fidelity.value",
+                                          "gap.detection[].after.fidelity.error",
+                                          "gap.detection[].after.separation.value",
+                                          "gap.detection[].after.separation.error",
+                                          "gap.detection[].after.true_fidelity.value",
+                                          "gap.detection[].after.true_fidelity.error",
                                           "unexplained.present",
                                           "unexplained.stage",
                                           "unexplained.looks_like",
@@ -131,6 +169,9 @@ TEST(DiagnosisJson, ValuesAreThoseOfTheDiagnosis) {
   EXPECT_TRUE(json.at("gap").at("closed_interval")[1].is_null());  // not a number
   EXPECT_TRUE(json.at("hypotheses")[0].at("p_value").is_null());   // not fitted
   EXPECT_EQ(json.at("hypotheses")[1].at("p_value"), 0.3);
+  EXPECT_EQ(json.at("gap").at("second_opinions")[0].at("before").at("value"), 0.9);
+  EXPECT_EQ(json.at("gap").at("detection")[0].at("before").at("true_fidelity").at("value"), 0.991);
+  EXPECT_TRUE(json.at("gap").at("detection")[0].at("real").at("true_fidelity").is_null());
 }
 
 struct Stacks {
@@ -205,6 +246,7 @@ TEST(DiagnosisReport, StandsAlone) {
     EXPECT_EQ(markup_fault(page), "");
     EXPECT_EQ(outside_reference(page), "");
     EXPECT_NE(page.find("a &lt; b &amp; &quot;c&quot;"), std::string::npos);
+    EXPECT_NE(page.find("<td>classifier auc</td><td class=\"number\">0.900 ± 0.010</td>"), std::string::npos);
     EXPECT_NE(page.find("atomcam diagnose --frames 'a&amp;b.tif'"), std::string::npos);
     // A hypothesis that was fitted after the scan stands there once.
     const auto first = page.find("<td>row_noise</td><td class=\"number\">120.0");

@@ -102,10 +102,8 @@ class Diagnosis:
     def write(self, folder: str, progress: Any) -> None: ...
 
 def diagnose(
-    frames: Frames,
+    inputs: list[tuple[str, str, str, Frames | None]],
     notes: Notes,
-    darks: Frames | None,
-    files: list[tuple[str, str, str]],
     exclude: list[str],
     include: list[str],
     seed: int,

@@ -123,6 +123,7 @@ def diagnose(
     progress: Progress | None = None,
     out: str | os.PathLike[str] | None = None,
     *,
+    against: Frames | None = None,
     cache: str | os.PathLike[str] | None = None,
 ) -> Diagnosis:
     """Where frames differ from their simulation, and which effect it is: `atomcam diagnose` (docs/diagnosis.md).
@@ -141,6 +142,8 @@ def diagnose(
     progress : called with (step, fraction done) on the calling thread; what it raises ends the work.
     out : folder for diagnosis.json, lab.toml and report.html, as by `Diagnosis.write`. None: nothing is written.
 
+    against : another stack, of 16 frames or more, to compare the frames with in the place of their simulation: before and
+        after a change of the set-up. Effects are not looked for.
     cache : folder that keeps what was simulated, for the next diagnosis of the same frames, which is then quicker; at most
         4 GiB. None: nothing is kept.
 
@@ -149,17 +152,21 @@ def diagnose(
     """
     exclude, include = _names("exclude", exclude), _names("include", include)
     seed, cores = _whole("seed", seed), _threads(threads)
-    stack, written = frames_of("frames", frames), notes_of(notes)
-    dark_stack = None if darks is None else frames_of("darks", darks)
-    files = [described("frames", frames)]
-    if darks is not None:
-        files.append(described("darks", darks))
-    files.append(described("notes", notes))
+    if against is not None and (exclude or include):
+        raise error("against", "compares two stacks without any effects: exclude and include are not allowed")
+    stacks = {"frames": frames, "darks": darks, "against": against}
+    inputs: list[tuple[str, str, str, _core.Frames | None]] = []
+    for role, stack in stacks.items():
+        if stack is not None:
+            opened = frames_of(role, stack)
+            inputs.append((*described(role, stack), opened))
+    written = notes_of(notes)
+    inputs.append((*described("notes", notes), None))
     folder = "" if out is None else _folder("out", out)
     in_call = {
-        "frames": word(frames), "notes": word(notes), "darks": word(darks), "exclude": exclude, "include": include,
-        "seed": seed, "where_only": where_only or None, "out": folder or None,
+        "frames": word(frames), "notes": word(notes), "darks": word(darks), "against": word(against), "exclude": exclude,
+        "include": include, "seed": seed, "where_only": where_only or None, "out": folder or None,
     }
     return Diagnosis(_core.diagnose(
-        stack, written, dark_stack, files, exclude, include, seed, cores, bool(where_only),
-        "" if cache is None else _folder("cache", cache), call("diagnose", in_call), folder, progress))
+        inputs, written, exclude, include, seed, cores, bool(where_only), "" if cache is None else _folder("cache", cache),
+        call("diagnose", in_call), folder, progress))

@@ -3,9 +3,12 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <map>
 #include <thread>
 
+#include "base/error.hpp"
 #include "data/output_files.hpp"
+#include "diagnosis/against.hpp"
 #include "diagnosis/diagnosis_json.hpp"
 #include "diagnosis/report_folder.hpp"
 #include "python/bindings.hpp"
@@ -18,35 +21,43 @@ using Frames = std::shared_ptr<FrameSequence>;
 
 constexpr double for_diagnosis = 0.96;  // of the time; the rest is for the report, if there is one
 
+/// What goes in: its role ("frames", "darks", "against", "notes"), name and SHA-256, and the frames if it is
+/// a stack.
+using Input = std::tuple<std::string, std::string, std::string, Frames>;
+
 /// With what it was made from: its report goes through the frames once more.
 struct Diagnosed {
   Diagnosis diagnosis;
   DiagnosisInputs inputs;
-  Frames frames, darks;
+  std::map<std::string, Frames> stacks;
   int threads = 1;
 
+  /// Null if there is none.
+  const FrameSequence* stack(const std::string& role) const {
+    const auto found = stacks.find(role);
+    return found == stacks.end() ? nullptr : found->second.get();
+  }
   void write(const std::string& folder, const std::function<void(double)>& progress) const {
-    write_diagnosis(folder, diagnosis, inputs, *frames, darks.get(), nullptr, threads, progress);
+    write_diagnosis(folder, diagnosis, inputs, *stack("frames"), stack("darks"), stack("against"), threads,
+                    progress);
   }
 };
 
-/// `files`: role, name and SHA-256 of what goes in, with the role of the argument for frames and darks.
 /// `folder`: where the files go; empty: nowhere.
-std::unique_ptr<Diagnosed> diagnose_frames(
-    const Frames& frames, const Notes& notes, const Frames& darks,
-    const std::vector<std::tuple<std::string, std::string, std::string>>& files,
-    const std::vector<std::string>& exclude, const std::vector<std::string>& include, std::uint64_t seed,
-    int threads, bool where_only, const std::string& cache, const std::string& command,
-    const std::string& folder, const py::object& progress) {
+std::unique_ptr<Diagnosed> diagnose_frames(const std::vector<Input>& in, const Notes& notes,
+                                           const std::vector<std::string>& exclude,
+                                           const std::vector<std::string>& include, std::uint64_t seed,
+                                           int threads, bool where_only, const std::string& cache,
+                                           const std::string& command, const std::string& folder,
+                                           const py::object& progress) {
   auto made = std::make_unique<Diagnosed>();
-  made->frames = frames;
-  made->darks = darks;
   made->threads = threads > 0 ? threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  for (const auto& [role, name, sha256] : files) {
-    const Frames stack = role == "frames" ? frames : role == "darks" ? darks : nullptr;
+  for (const auto& [role, name, sha256, stack] : in) {
     made->inputs.files.push_back(
         {role, name, sha256, stack ? stack->frames() : 0, stack ? stack->shape() : Shape{}});
+    if (stack) made->stacks[role] = stack;
   }
+  if (!made->stack("frames")) throw Error("frames", "there are none");
   made->inputs.exclude = exclude;
   made->inputs.include = include;
   made->inputs.seed = seed;
@@ -65,7 +76,10 @@ std::unique_ptr<Diagnosed> diagnose_frames(
     options.cache = cache;
     options.progress = [&](std::string_view step, double done) { work.tell(step, done * share); };
     options.check_in = [&] { work.check_in(); };
-    made->diagnosis = diagnose(notes, *frames, darks.get(), options);
+    const FrameSequence &frames = *made->stack("frames"), *darks = made->stack("darks"),
+                        *against = made->stack("against");
+    made->diagnosis = against ? diagnose_against(notes, frames, *against, darks, options)
+                              : diagnose(notes, frames, darks, options);
     if (!folder.empty())
       made->write(folder, [&](double done) { work.tell("report", share + (1 - share) * done); });
     work.tell("done", 1);
@@ -96,10 +110,10 @@ void bind_diagnosis(py::module_& module) {
           "The calibrated lab without effects.")
       .def("write", &write, py::arg("folder"), py::arg("progress"),
            "Writes the report, diagnosis.json and lab.toml; the interpreter runs on.");
-  module.def("diagnose", &diagnose_frames, py::arg("frames"), py::arg("notes"), py::arg("darks"),
-             py::arg("files"), py::arg("exclude"), py::arg("include"), py::arg("seed"), py::arg("threads"),
-             py::arg("where_only"), py::arg("cache"), py::arg("command"), py::arg("folder"),
-             py::arg("progress"), "Real against simulated frames; the interpreter runs on.");
+  module.def("diagnose", &diagnose_frames, py::arg("inputs"), py::arg("notes"), py::arg("exclude"),
+             py::arg("include"), py::arg("seed"), py::arg("threads"), py::arg("where_only"), py::arg("cache"),
+             py::arg("command"), py::arg("folder"), py::arg("progress"),
+             "Real against simulated frames, or against others; the interpreter runs on.");
 }
 
 }  // namespace atomcam

@@ -111,6 +111,17 @@ class Diagnoses(unittest.TestCase):
             del one["inputs"]
         self.assertEqual(arrays, files)
 
+    def test_one_stack_against_another(self):
+        same = atomcam.diagnose(self.plain[:24], practice.NO_SITES, against=self.plain[24:])
+        self.assertEqual(same.verdict, "no_gap", same.sentence)
+        found = atomcam.diagnose(self.noisy, practice.NO_SITES, against=self.plain, out=self.file("against"))
+        self.assertEqual(found.verdict, "unexplained", found.sentence)
+        self.assertIn(".lines.rows.", found.where[0]["statistic"])
+        with open(self.file("against/diagnosis.json")) as written:
+            self.assertEqual(json.load(written), found.as_dict())
+        self.assertEqual(found.as_dict()["inputs"]["against"]["sha256"],
+                         hashlib.sha256(self.plain.tobytes()).hexdigest())
+
     def test_other_threads_run_meanwhile(self):
         done, ticks = threading.Event(), 0
 
@@ -171,6 +182,7 @@ except KeyboardInterrupt:
                 ("12 frames.*40", (self.plain[:12], notes), {}),
                 ("64 x 65", (self.plain, {**notes, "shape": [64, 65]}), {}),
                 ("darks", (self.plain, notes), {"darks": self.darks[:, :32]}),
+                ("against", (self.plain, notes), {"against": self.plain, "exclude": ["row_noise"]}),
                 ("seed", (self.plain, notes), {"seed": -1}),
                 ("threads", (self.plain, notes), {"threads": 0}),
                 ("none.tif", ("none.tif", notes), {}),

@@ -27,16 +27,18 @@ constexpr double most_pixels = 1.5e7;
 constexpr std::size_t fewest_frames = 40;
 constexpr std::size_t count_range = 65536;
 
-/// The held-out frames to look at: whole blocks, evenly spread if not all.
+/// The held-out frames to look at, evenly spread if not all.
 std::vector<std::size_t> chosen_frames(const StackPlan& plan) {
   std::vector<std::size_t> frames;
   for (std::size_t n = 0; n < plan.frames; ++n)
     if ((n / plan.split.block) % 2 == 1) frames.push_back(n);
   const auto most = std::max(
       fewest_frames, static_cast<std::size_t>(most_pixels / static_cast<double>(plan.model.shape.pixels())));
-  const std::size_t keep_one_of = (frames.size() + most - 1) / most;
-  if (keep_one_of > 1)
-    std::erase_if(frames, [&](std::size_t n) { return n % plan.split.block % keep_one_of != 0; });
+  if (frames.size() > most) {
+    std::vector<std::size_t> fewer;
+    for (std::size_t k = 0; k < most; ++k) fewer.push_back(frames[k * frames.size() / most]);
+    frames = std::move(fewer);
+  }
   return frames;
 }
 

@@ -129,6 +129,7 @@ Eigen::MatrixXd calibration_offsets(const Model& model, const RealStack& real, c
   Eigen::MatrixXd offsets = Eigen::MatrixXd::Constant(model.first_effect_parameter, stacks,
                                                       std::numeric_limits<double>::quiet_NaN());
   parallel_for(stacks, plan.threads, 1, [&](int n) {
+    if (plan.check_in) plan.check_in();
     const auto light = simulate_stack(lab, plan, first + static_cast<std::uint64_t>(n), true);
     const auto darks = simulate_stack(lab, plan, first + static_cast<std::uint64_t>(n), false);
     CalibrationInput input;

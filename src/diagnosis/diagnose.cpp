@@ -20,6 +20,7 @@ namespace {
 constexpr double gap_level = 0.005;     // false alarms of the plain model
 constexpr double reject_level = 0.005;  // a fitted model below it is not the explanation
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
+constexpr double worthwhile = 0.9;      // of the plain model's distance: farther away is not followed up
 constexpr double like_own = 1.1;        // distance at which a fit is about as near as the model's own stacks
 
 /// Deviations of a model in units of the larger of two models' deviations; 0 where one of them has none.
@@ -201,8 +202,13 @@ class Diagnoser {
     std::sort(contenders.begin(), contenders.end(), nearer);
     std::set<std::vector<std::string>> seen;
     std::erase_if(contenders, [&](const Contender& one) { return !seen.insert(one.model.effects).second; });
-    if (contenders.size() > 3) contenders.resize(3);
+    // What is hardly nearer than the plain model explains nothing; the nearest is judged all the same.
+    const double plain = plain_distance({&plain_, real_stack()}, plan_);
+    while (contenders.size() > 1 &&
+           (contenders.size() > 3 || contenders.back().model.distance > worthwhile * plain))
+      contenders.pop_back();
     for (std::size_t k = 0; k < contenders.size(); ++k) {
+      if (contenders[k].model.distance > worthwhile * plain) break;
       // What is hopelessly behind is let go as soon as one of them has come near.
       if (k > 0 && contenders[k].model.distance > std::max(2.0, 2 * contenders.front().model.distance)) {
         contenders.resize(k);

@@ -155,6 +155,16 @@ class Fitter {
 
 }  // namespace
 
+double plain_distance(const FitGround& ground, const StackPlan& plan) {
+  const Eigen::VectorXd& unit = ground.plain->standard->deviation();
+  const Eigen::VectorXd discrepancy = allowed_discrepancy(*ground.plain, *ground.real.values, plan);
+  Eigen::VectorXd z = ground.plain->z;
+  for (Eigen::Index i = 0; i < z.size(); ++i)
+    if (unit(i) > 0) z(i) *= unit(i) / std::hypot(unit(i), discrepancy(i));
+  const double distance = compressed(z).squaredNorm() / static_cast<double>(z.size());
+  return distance;
+}
+
 double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& plan, std::uint64_t first) {
   const Fitter fitter(ground, plan);
   const Eigen::Index from = model.first_effect_parameter;

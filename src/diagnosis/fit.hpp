@@ -12,6 +12,9 @@ struct FitGround {
   RealStack real;
 };
 
+/// How far the real stack is from the plain model itself, as fit() says it.
+double plain_distance(const FitGround& ground, const StackPlan& plan);
+
 /// Moves the model's centres, and the widths of its effects' parameters to about their errors. Every round
 /// simulates some stacks about the centre; calibration follows the effects (recalibrate). At most `rounds`.
 /// Returns how far the real stack is from the best place found (mean square of compressed deviations).

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from . import _core
 from .errors import error
 from .lab import Lab
-from .stacks import Frames, Notes, Progress, call, frames_of, notes_of, word
+from .stacks import Flats, Frames, Notes, Progress, call, flats_in_call, frames_of, levels_of, notes_of, positive, word
 
 __all__ = ["Calibration", "calibrate"]
 
@@ -114,7 +113,7 @@ def calibrate(
     notes: Notes,
     darks: Frames | None = None,
     background: Frames | None = None,
-    flats: Sequence[Frames] | Mapping[float, Frames] | None = None,
+    flats: Flats | None = None,
     model: str = "plain",
     *,
     background_exposure_s: float | None = None,
@@ -139,24 +138,14 @@ def calibrate(
     """
     if model not in ("plain", "full"):
         raise error("model", f"is {model!r}; allowed: plain, full")
-    if background_exposure_s is not None and not 0 < background_exposure_s < math.inf:
-        raise error("background_exposure_s", f"is {background_exposure_s}; allowed more than 0")
-    exposures: list[float] = []
-    levels: list[Any] = []
-    if isinstance(flats, Mapping):
-        exposures, levels = [float(one) for one in flats], list(flats.values())
-        if not all(0 < one < math.inf for one in exposures):
-            raise error("flats", f"exposures {exposures}; allowed more than 0")
-    elif flats is not None:
-        if isinstance(flats, (str, os.PathLike)):
-            raise error("flats", "allowed a list of stacks, or a dictionary with their exposures")
-        levels = list(flats)
+    seconds = positive("background_exposure_s", background_exposure_s)
+    levels, exposures = levels_of(flats)
     inner = _core.calibrate(
         frames_of("frames", frames),
         notes_of(notes),
         None if darks is None else frames_of("darks", darks),
         None if background is None else frames_of("background", background),
-        background_exposure_s or 0.0,
+        seconds,
         [frames_of(f"flats[{n}]", one) for n, one in enumerate(levels)],
         exposures,
         model == "full",
@@ -164,7 +153,7 @@ def calibrate(
     )
     in_call = {
         "frames": word(frames), "notes": word(notes), "darks": word(darks), "background": word(background),
-        "flats": [word(one) for one in levels], "model": model if model != "plain" else None,
+        "flats": flats_in_call(levels, exposures), "model": model if model != "plain" else None,
         "background_exposure_s": background_exposure_s,
     }
     return Calibration(inner, call("calibrate", in_call))

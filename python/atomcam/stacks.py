@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Union
 
 import numpy as np
@@ -14,11 +15,14 @@ import numpy as np
 from . import _core
 from .errors import error
 
-__all__ = ["Frames", "Notes", "Progress"]
+__all__ = ["Flats", "Frames", "Notes", "Progress"]
 
 #: Frames of a camera: a stack in a file or folder (docs/data.md), or an array [frame, row, column] of counts. An array of
 #: uint16 is read where it lies, whatever its strides; of other types it is checked and converted.
 Frames = Union[str, "os.PathLike[str]", np.ndarray[Any, Any]]
+
+#: Evenly lit stacks, one a level of light; as a dictionary with the exposure of each as its key, in any unit.
+Flats = Union[Sequence[Frames], Mapping[float, Frames]]
 
 #: What was written down about the set-up (docs/calibration.md): a file, TOML or JSON, or a dictionary.
 Notes = Union[str, "os.PathLike[str]", Mapping[str, Any]]
@@ -52,6 +56,26 @@ def _counts(name: str, array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         if wrong.any():
             raise error(name, f"frame {n} holds {frame[wrong][0]}; allowed whole numbers from 0 to 65535")
     return counts
+
+
+def levels_of(flats: Any) -> tuple[list[Any], list[float]]:
+    """Stacks, and their exposures; none of these if they are not known."""
+    if flats is None:
+        return [], []
+    if isinstance(flats, Mapping):
+        return list(flats.values()), [positive("flats: exposure", one) for one in flats]
+    if _is_path(flats):
+        raise error("flats", "allowed a list of stacks, or a dictionary with their exposures")
+    return list(flats), []
+
+
+def positive(name: str, value: float | None) -> float:
+    """0 for None."""
+    if value is None:
+        return 0.0
+    if not 0 < value < math.inf:
+        raise error(name, f"is {value!r}; allowed more than 0")
+    return float(value)
 
 
 def notes_of(notes: Any) -> _core.Notes:
@@ -114,6 +138,12 @@ class _Word(str):
 
     def __repr__(self) -> str:
         return str(self)
+
+
+def flats_in_call(levels: list[Any], exposures: list[float]) -> Any:
+    """Flats in a call."""
+    words = [word(one) for one in levels]
+    return dict(zip(exposures, words)) if exposures else words
 
 
 def word(value: Any) -> _Word | None:

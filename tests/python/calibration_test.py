@@ -89,6 +89,32 @@ class Calibrations(unittest.TestCase):
         again = atomcam.calibrate(self.file("frames.npy"), self.file("notes.json"), self.file("darks.npy"))
         self.assertEqual(again.as_dict(), self.found.as_dict())
 
+    def test_background_and_flats_are_the_commands(self):
+        dark = practice.lab(**{"atoms.filling": 0})
+        background, _ = dark.render(20, 20000)
+        flats = {}
+        for level in (1, 2, 4):
+            dark["light.stray_light_photons_per_s"] = 20 * level
+            flats[level] = dark.render(12, 30000 + 100 * level)[0]
+        found = atomcam.calibrate(self.darks, practice.NO_SITES, self.darks, background, flats)
+        files = ["calibrate", "--frames", "darks.npy", "--darks", "darks.npy", "--background", "background.npy"]
+        np.save(self.file("darks.npy"), self.darks)
+        np.save(self.file("background.npy"), background)
+        for level, frames in flats.items():
+            np.save(self.file(f"flat{level}.npy"), frames)
+            files += ["--flats", f"flat{level}.npy", "--flats-exposure", str(level)]
+        with open(self.file("no_sites.json"), "w") as notes:
+            json.dump(practice.NO_SITES, notes)
+        subprocess.run([os.environ["ATOMCAM"], *files, "--lab", "no_sites.json", "-o", "lit.toml", "--report", "lit"],
+                       cwd=self.folder, check=True, capture_output=True)
+        with open(self.file("lit/calibration.json")) as written:
+            self.assertEqual(found.as_dict(), json.load(written))
+        # Without exposures, nothing is said about the linearity; without flats, nothing about them.
+        rows = [len(atomcam.calibrate(self.darks, practice.NO_SITES, self.darks, flats=some).parameters)
+                for some in (flats, list(flats.values()), None)]
+        self.assertEqual(rows, sorted(rows, reverse=True))
+        self.assertEqual(len(set(rows)), 3)
+
     def test_arrays_of_any_layout_and_type(self):
         expected = atomcam.calibrate(self.counts[::2], practice.NO_SITES).as_dict()
         for other in (np.array(self.counts[::2]), np.asfortranarray(self.counts[::2]), self.counts[::2].astype(float),

@@ -273,7 +273,8 @@ class Diagnoser {
   }
 
   void explain() {
-    std::vector<Scan> scans = scan(plain_, 0.25, 0.5);
+    scans_ = scan(plain_, 0.25, 0.5);
+    std::vector<Scan>& scans = scans_;
     // Closer and closer looks at fewer and fewer.
     double done = 0.5;
     for (const std::size_t leaders : {8u, 6u, 5u, 4u}) {
@@ -494,8 +495,21 @@ class Diagnoser {
         second_opinions(frames_, plan_, plain, have_final_ ? &fixed : nullptr, numbers_of("opinions"));
   }
 
+  /// Isolability: which other effects could pass for the one that was found, at this amount of data.
+  void tell_apart() {
+    if (!have_final_ || final_.effects.size() != 1) return;
+    const auto found = std::find_if(scans_.begin(), scans_.end(),
+                                    [&](const Scan& one) { return one.effect->name == final_.effects[0]; });
+    if (found == scans_.end()) return;
+    for (const Scan& other : scans_)
+      for (Hypothesis& one : result_.hypotheses)
+        if (&other != &*found && one.effects == std::vector{other.effect->name})
+          one.imitates = imitated(found->predicted, other);
+  }
+
   void conclude() {
     how_far();
+    tell_apart();
     if (!options_.where_only) ask_others();
     result_.where = ranked_differences(declarations_, plain_.z, have_final_ ? final_.z : plain_.z);
     result_.plain_lab = plain_.fitted_lab();
@@ -528,6 +542,7 @@ class Diagnoser {
   std::vector<StatisticDeclaration> declarations_;
   BatteryValues real_;
   Model plain_, final_;
+  std::vector<Scan> scans_;
   bool have_final_ = false;
 };
 

@@ -46,6 +46,7 @@ struct Hypothesis {
   double share = 0;         // of the plain model's misfit that the scan's best would take away
   double p_value = -1;      // goodness of fit once fitted by simulation; -1: not fitted
   double closed = 0;        // of the gap, once fitted
+  double imitates = -1;     // part of the found effect's fingerprint it could pass for; -1: not asked
   std::string why_not;
 };
 

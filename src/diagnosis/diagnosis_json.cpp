@@ -102,6 +102,7 @@ Json hypotheses_of(const Diagnosis& diagnosis) {
                     {"log_evidence", number(one.log_evidence)},
                     {"p_value", fitted ? number(one.p_value) : Json(nullptr)},
                     {"closed", fitted ? number(one.closed) : Json(nullptr)},
+                    {"imitates", one.imitates >= 0 ? number(one.imitates) : Json(nullptr)},
                     {"why_not", one.why_not}});
   }
   return list;

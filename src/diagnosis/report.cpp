@@ -140,7 +140,8 @@ std::string hypotheses(const Diagnosis& diagnosis) {
       "model "
       "gives a stack as far off as this one.</p>\n<table>\n<tr><th>hypothesis</th><th class=\"number\">ln "
       "evidence</th>"
-      "<th class=\"number\">p of the fit</th><th class=\"number\">gap closed</th><th>why not</th></tr>\n";
+      "<th class=\"number\">p of the fit</th><th class=\"number\">gap closed</th>"
+      "<th class=\"number\">could pass for what was found</th><th>why not</th></tr>\n";
   for (const Hypothesis& one : ranking(diagnosis)) {
     const bool fitted = one.p_value >= 0, chosen = one.effects == found;
     const std::string why = !one.why_not.empty() ? one.why_not
@@ -150,9 +151,10 @@ std::string hypotheses(const Diagnosis& diagnosis) {
     out += fmt::format(
         "<tr{}><td>{}</td><td class=\"number\">{:.1f}</td><td class=\"number\">{}</td><td "
         "class=\"number\">{}</td>"
-        "<td>{}</td></tr>\n",
+        "<td class=\"number\">{}</td><td>{}</td></tr>\n",
         chosen ? " class=\"chosen\"" : "", escaped(names_of(one.effects)), one.log_evidence,
-        fitted ? short_number(one.p_value, 2) : "", fitted ? percent(one.closed) : "", escaped(why));
+        fitted ? short_number(one.p_value, 2) : "", fitted ? percent(one.closed) : "",
+        one.imitates >= 0 ? percent(one.imitates) : "", escaped(why));
   }
   return out + "</table>\n";
 }

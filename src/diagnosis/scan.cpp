@@ -55,6 +55,21 @@ Eigen::MatrixXd near_draws(const Scan& scan, int stacks, std::uint64_t seed, std
   return draws;
 }
 
+/// A place near another, by parts of the parameters' ranges.
+template <class Uniform>
+Eigen::VectorXd moved_by(const std::vector<Uncertain>& open, Eigen::VectorXd at, double step,
+                         const Uniform& uniform) {
+  for (Eigen::Index k = 0; k < at.size(); ++k) {
+    const Uncertain& one = open[static_cast<std::size_t>(k)];
+    at(k) += (one.highest - one.lowest) * step * (uniform() + uniform() + uniform() - 1.5);
+    if (one.cycle > 0)
+      at(k) -= one.cycle * std::floor((at(k) - one.lowest) / one.cycle);
+    else
+      at(k) = std::clamp(at(k), one.lowest, one.highest);
+  }
+  return at;
+}
+
 }  // namespace
 
 std::vector<const EffectDeclaration*> candidates(const Model& before,
@@ -135,18 +150,7 @@ void match(Scan& scan, const Model& before, const Eigen::VectorXd& z) {
     const auto top = std::max_element(tried.begin(), tried.end(),
                                       [](const auto& a, const auto& b) { return a.first < b.first; });
     const Eigen::VectorXd centre = top->second;
-    for (int n = 0; n < 120; ++n) {
-      Eigen::VectorXd at = centre;
-      for (Eigen::Index k = 0; k < dimension; ++k) {
-        const Uncertain& one = scan.open[static_cast<std::size_t>(k)];
-        at(k) += (one.highest - one.lowest) * step * (uniform() + uniform() + uniform() - 1.5);
-        if (one.cycle > 0)
-          at(k) -= one.cycle * std::floor((at(k) - one.lowest) / one.cycle);
-        else
-          at(k) = std::clamp(at(k), one.lowest, one.highest);
-      }
-      attempt(at);
-    }
+    for (int n = 0; n < 120; ++n) attempt(moved_by(scan.open, centre, step, uniform));
   }
   const auto top = std::max_element(tried.begin(), tried.end(),
                                     [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -188,6 +192,25 @@ Eigen::VectorXd expanded(const Eigen::VectorXd& y) {
 
 }  // namespace
 
+double imitated(const Eigen::VectorXd& fingerprint, const Scan& by) {
+  RandomStream random(1, stream_id("diagnosis/imitated"), 0, 0);
+  const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
+  Eigen::VectorXd best = by.best;
+  const auto left = [&](const Eigen::VectorXd& at) {
+    return (fingerprint - (*by.emulator)(at).mean).squaredNorm();
+  };
+  double least = left(best);
+  const auto attempt = [&](const Eigen::VectorXd& at) {
+    const double value = left(at);
+    if (value < least) least = value, best = at;
+  };
+  for (Eigen::Index n = 0; n < by.draws.rows(); ++n) attempt(by.draws.row(n).transpose());
+  for (const double step : {0.2, 0.1, 0.04})
+    for (int n = 0; n < 60; ++n) attempt(moved_by(by.open, best, step, uniform));
+  const double all = fingerprint.squaredNorm();
+  return all > 0 ? std::clamp(1 - least / all, 0.0, 1.0) : 0;
+}
+
 std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders,
                                    const Eigen::VectorXd& z, int threads) {
   const Eigen::VectorXd real = compressed(z);
@@ -210,16 +233,8 @@ std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t l
       return independent(real, compressed(expanded(first.mean) + expanded(second.mean)),
                          first.variance + second.variance);
     };
-    const auto moved = [&](const Scan& scan, Eigen::VectorXd at, double step) {
-      for (Eigen::Index k = 0; k < at.size(); ++k) {
-        const Uncertain& open = scan.open[static_cast<std::size_t>(k)];
-        at(k) += (open.highest - open.lowest) * step * (uniform() + uniform() + uniform() - 1.5);
-        if (open.cycle > 0)
-          at(k) -= open.cycle * std::floor((at(k) - open.lowest) / open.cycle);
-        else
-          at(k) = std::clamp(at(k), open.lowest, open.highest);
-      }
-      return at;
+    const auto moved = [&](const Scan& scan, const Eigen::VectorXd& at, double step) {
+      return moved_by(scan.open, at, step, uniform);
     };
     pair.best_first = one.best;
     pair.best_second = two.best;

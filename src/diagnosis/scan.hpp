@@ -36,6 +36,10 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
 /// Parameters that fit best, and the evidence.
 void match(Scan& scan, const Model& before, const Eigen::VectorXd& z);
 
+/// How much of an effect's fingerprint (compressed z) another one could pass for with the parameters that
+/// suit it best: 1 minus the square of what is left, over the square of all.
+double imitated(const Eigen::VectorXd& fingerprint, const Scan& by);
+
 /// Two effects at once: their deviations taken to add up.
 struct PairMatch {
   std::size_t first = 0, second = 0;  // scans

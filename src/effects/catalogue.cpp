@@ -8,6 +8,7 @@
 namespace atomcam {
 
 EffectDeclaration site_brightness_spread();
+EffectDeclaration site_position_scatter();
 EffectDeclaration fluorescence_drift();
 EffectDeclaration frame_intensity_noise();
 EffectDeclaration atom_hopping();
@@ -37,6 +38,7 @@ EffectDeclaration bias_drift();
 std::span<const EffectDeclaration> effect_catalogue() {
   static const std::array catalogue = {
       site_brightness_spread(),
+      site_position_scatter(),
       fluorescence_drift(),
       frame_intensity_noise(),
       atom_hopping(),

@@ -98,7 +98,7 @@ TEST(Catalogue, DeclaresWhatEveryoneNeeds) {
       EXPECT_FALSE(parameter.meaning.empty()) << effect.name << "." << parameter.key;
     }
   }
-  EXPECT_EQ(names.size(), 26u);
+  EXPECT_EQ(names.size(), 27u);
 }
 
 TEST(Noise, ThatWandersHasUnitVarianceAtAnyFrame) {
@@ -148,6 +148,31 @@ TEST(SceneEffects, IntensityNoiseIsCommonAndBrightnessSpreadIsFixed) {
     EXPECT_EQ(first.emitters[i].rate_hz, later.emitters[i].rate_hz);
   }
   EXPECT_NEAR(sites.variance(), 0.01, 5 * sites.variance_error());
+}
+
+TEST(SceneEffects, PositionScatterIsFixedAndTheSameAlongBothAxes) {
+  const Stage stage;
+  const auto scatter = make("site_position_scatter", {0.3});
+  Moments along[2];
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    const SceneFrame before = stage.atoms(0);
+    SceneFrame first = before, later = before;
+    FrameContext context = stage.context("site_position_scatter", 0);
+    context.seed = seed;
+    scatter->apply_to_scene(first, context);
+    context.frame = 9;
+    scatter->apply_to_scene(later, context);
+    for (std::size_t i = 0; i < before.emitters.size(); ++i) {
+      along[0].add(first.emitters[i].x_px - before.emitters[i].x_px);
+      along[1].add(first.emitters[i].y_px - before.emitters[i].y_px);
+      EXPECT_EQ(first.emitters[i].x_px, later.emitters[i].x_px);
+      EXPECT_EQ(first.emitters[i].y_px, later.emitters[i].y_px);
+    }
+  }
+  for (const Moments& axis : along) {
+    EXPECT_NEAR(axis.mean(), 0, 5 * axis.mean_error());
+    EXPECT_NEAR(axis.variance(), 0.09, 5 * axis.variance_error());
+  }
 }
 
 TEST(SceneEffects, HoppingMovesAtomsOrLosesPairs) {

@@ -632,11 +632,33 @@ class Calibrator {
       dark_e_ = emccd() ? result_.counts.events_e[0] - background_e_ : dark_e_;
       return;
     }
-    double light = 0, dark = 0;
-    for (std::size_t i = 0; i < light_.sum.pixels().size(); ++i)
-      light += light_.mean(i), dark += dark_.mean(i);
-    background_e_ = std::max(
-        0.0, (light - dark) / static_cast<double>(light_.sum.pixels().size()) / counts_per_electron());
+    const FlatLevel level = flat_level(frames_, *input_.darks);
+    if (level.variance_counts > 10 * level.variance_error && level.signal_counts > 0) take_gain_of(level);
+    background_e_ = std::max(0.0, level.signal_counts / counts_per_electron());
+  }
+
+  /// Gain from even light, together with the tail of the dark frames unless the two exclude each other: what
+  /// else makes charge in the dark bends the tail.
+  void take_gain_of(const FlatLevel& level) {
+    const double ratio = level.variance_counts / (level.signal_counts * counts_per_electron() * excess());
+    const double ratio_error = ratio * level.variance_error / level.variance_counts;
+    if (!input_.like && (ratio > 10 || ratio < 0.1))
+      throw Error(notes_.place + ": settings",
+                  fmt::format("light varies {:.3g} times as much as {:.3g} counts per electron say: notes of "
+                              "another camera or other settings?",
+                              ratio, counts_per_electron()));
+    if (!multiplied()) {
+      electrons_per_count_ /= ratio;
+      epc_error_ = electrons_per_count_ * ratio_error / ratio;
+      return;
+    }
+    const double tail_error = std::max(1e-6, gain_error_ / em_gain_);
+    const bool agree = std::fabs(ratio - 1) < 5 * std::hypot(tail_error, ratio_error);
+    const double a = agree ? 1 / (tail_error * tail_error) : 0, b = 1 / (ratio_error * ratio_error);
+    const double correction = (a + b * ratio) / (a + b);
+    em_gain_ *= correction;
+    gain_error_ = em_gain_ / std::sqrt(a + b);
+    dark_e_ /= correction;
   }
 
   /// Frames without atoms: the light in them, and with another exposure what does not grow with it.
@@ -697,6 +719,14 @@ class Calibrator {
     for (const CalibrationInput::Flats& flats : input_.flats)
       levels.push_back(flat_level(*flats.frames, *input_.darks, flats.exposure));
     result_.flats = photon_transfer(std::move(levels));
+    const double fitted = counts_per_electron() * excess(), slope = result_.flats->slope;
+    const double error =
+        std::hypot(result_.flats->slope_error,
+                   fitted * std::hypot(gain_error_ / em_gain_, epc_error_ / electrons_per_count_));
+    if (std::fabs(slope - fitted) > std::max(5 * error, 0.05 * fitted))
+      result_.warnings.push_back(fmt::format(
+          "flats vary by {:.3g} counts per count of signal, the frames' fit says {:.3g}: other settings?",
+          slope, fitted));
   }
 
   /// Brightness of each site from the frames in which its atom is there; maps from the dark frames.

@@ -47,6 +47,18 @@ nlohmann::ordered_json calibration_json(const Calibration& calibration) {
                      {"noise_counts", number(one.noise_counts)}});
     out["hot_pixels"] = std::move(hot);
   }
+  if (calibration.flats) {
+    Json levels = Json::array();
+    for (const FlatLevel& level : calibration.flats->levels)
+      levels.push_back({{"exposure", level.exposure > 0 ? number(level.exposure) : Json(nullptr)},
+                        {"signal_counts", number(level.signal_counts)},
+                        {"variance_counts", number(level.variance_counts)},
+                        {"variance_error", number(level.variance_error)},
+                        {"saturated", level.saturated}});
+    out["flats"] = {{"slope", number(calibration.flats->slope)},
+                    {"slope_error", number(calibration.flats->slope_error)},
+                    {"levels", std::move(levels)}};
+  }
   return out;
 }
 

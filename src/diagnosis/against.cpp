@@ -93,6 +93,7 @@ class Comparison {
     input.notes = notes;
     input.frames = &both;
     input.darks = darks;
+    options_.beside.add_to(input);
     try {
       return calibrate(input);
     } catch (const Error&) {

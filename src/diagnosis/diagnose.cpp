@@ -80,6 +80,7 @@ class Diagnoser {
     input.notes = notes_;
     input.frames = &frames_;
     input.darks = darks_;
+    options_.beside.add_to(input);
     result_.calibration = calibrate(input);
     plan_.model = result_.calibration.model;
     plan_.frames = frames_.frames();
@@ -93,9 +94,10 @@ class Diagnoser {
     real_ = measure(plan_.model, frames_, darks_, plan_.split);
     if (!options_.cache.empty()) {
       // All that is simulated follows from these and the steps' own numbers.
-      kept_.emplace(options_.cache, digest_of(frames_) + (darks_ ? digest_of(*darks_) : "") +
-                                        write_lab(result_.calibration.lab) +
-                                        std::to_string(plan_.split.block));
+      kept_.emplace(options_.cache,
+                    digest_of(frames_) + (darks_ ? digest_of(*darks_) : "") +
+                        (options_.beside.background ? digest_of(*options_.beside.background) : "") +
+                        write_lab(result_.calibration.lab) + std::to_string(plan_.split.block));
       plan_.kept = &*kept_;
     }
   }
@@ -246,7 +248,14 @@ class Diagnoser {
   }
   static std::string title(const Model& model) { return fmt::format("{}", fmt::join(model.effects, " + ")); }
 
-  RealStack real_stack() const { return {&real_, &result_.calibration, &notes_}; }
+  RealStack real_stack() const {
+    RealStack real{&real_, &result_.calibration, &notes_};
+    if (options_.beside.background) {
+      real.background_frames = options_.beside.background->frames();
+      real.background_exposure_s = options_.beside.background_exposure_s;
+    }
+    return real;
+  }
 
   /// Closed fraction over all frames, in units of the plain model's deviations.
   double closed_by(const Model& model) const {

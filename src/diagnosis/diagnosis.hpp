@@ -69,9 +69,23 @@ struct Unexplained {
   std::string looks_like;
 };
 
+/// Stacks beside the frames and the darks; calibration takes what they tell.
+struct SideStacks {
+  const FrameSequence* background = nullptr;  // shutter open, no atoms
+  double background_exposure_s = 0;           // 0: that of the frames
+  std::vector<CalibrationInput::Flats> flats;
+
+  void add_to(CalibrationInput& input) const {
+    input.background = background;
+    input.background_exposure_s = background_exposure_s;
+    input.flats = flats;
+  }
+};
+
 struct DiagnosisOptions {
   std::vector<std::string> exclude;  // effects that are not looked for
   std::vector<std::string> include;  // if not empty: only these
+  SideStacks beside;
   std::uint64_t seed = 1;
   int threads = 1;
   bool where_only = false;

@@ -130,22 +130,23 @@ Json inputs_of(const DiagnosisInputs& inputs) {
 
 std::string diagnosis_json(const Diagnosis& diagnosis, const DiagnosisInputs& inputs) {
   const Json calibration = calibration_json(diagnosis.calibration);
-  const Json out = {{"schema", 1},
-                    {"verdict", name_of(diagnosis.verdict)},
-                    {"sentence", diagnosis.sentence},
-                    {"effects", effects_of(diagnosis)},
-                    {"where", where_of(diagnosis)},
-                    {"gap", gap_of_diagnosis(diagnosis)},
-                    {"unexplained",
-                     {{"present", diagnosis.unexplained.present},
-                      {"stage", diagnosis.unexplained.stage},
-                      {"looks_like", diagnosis.unexplained.looks_like}}},
-                    {"hypotheses", hypotheses_of(diagnosis)},
-                    {"calibration", calibration.at("parameters")},
-                    {"warnings", calibration.at("warnings")},
-                    {"next_measurement", diagnosis.next_measurement},
-                    {"inputs", inputs_of(inputs)},
-                    {"seconds", number(diagnosis.seconds)}};
+  Json out = {{"schema", 1},
+              {"verdict", name_of(diagnosis.verdict)},
+              {"sentence", diagnosis.sentence},
+              {"effects", effects_of(diagnosis)},
+              {"where", where_of(diagnosis)},
+              {"gap", gap_of_diagnosis(diagnosis)},
+              {"unexplained",
+               {{"present", diagnosis.unexplained.present},
+                {"stage", diagnosis.unexplained.stage},
+                {"looks_like", diagnosis.unexplained.looks_like}}},
+              {"hypotheses", hypotheses_of(diagnosis)},
+              {"calibration", calibration.at("parameters")},
+              {"warnings", calibration.at("warnings")},
+              {"next_measurement", diagnosis.next_measurement},
+              {"inputs", inputs_of(inputs)},
+              {"seconds", number(diagnosis.seconds)}};
+  if (calibration.contains("flats")) out["flats"] = calibration.at("flats");
   return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

@@ -109,6 +109,18 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
 
 namespace {
 
+/// Of the same sensor as the stack of this number, other frames.
+std::unique_ptr<FrameSequence> simulate_background(const Lab& lab, const RealStack& real,
+                                                   const StackPlan& plan, std::uint64_t number) {
+  constexpr std::uint64_t apart = 500000;  // half way to the next population's numbers
+  Lab empty = lab;
+  empty.scene.filling = 0;
+  if (real.background_exposure_s > 0) empty.settings.exposure_s = real.background_exposure_s;
+  StackPlan own = plan;
+  own.frames = real.background_frames;
+  return simulate_stack(empty, own, number + apart, true, number);
+}
+
 /// By how much the real stack's calibration says more than those of a few simulated ones: [parameter, stack],
 /// not a number for a stack that cannot be calibrated.
 Eigen::MatrixXd calibration_offsets(const Model& model, const RealStack& real, const StackPlan& plan,
@@ -136,6 +148,12 @@ Eigen::MatrixXd calibration_offsets(const Model& model, const RealStack& real, c
     input.notes = *real.notes;
     input.frames = light.get();
     if (plan.dark_frames > 0) input.darks = darks.get();
+    std::unique_ptr<FrameSequence> background;
+    if (real.background_frames > 0) {
+      background = simulate_background(lab, real, plan, first + static_cast<std::uint64_t>(n));
+      input.background = background.get();
+      input.background_exposure_s = real.background_exposure_s;
+    }
     input.like = real.calibration;
     try {
       const Calibration calibration = calibrate(input);

@@ -57,6 +57,8 @@ struct RealStack {
   const BatteryValues* values = nullptr;
   const Calibration* calibration = nullptr;
   const Notes* notes = nullptr;
+  std::size_t background_frames = 0;  // without atoms; 0: calibrated without them
+  double background_exposure_s = 0;   // 0: that of the frames
 };
 
 /// Moves the calibration's parameters so that simulated stacks of the model calibrate as the real one does:

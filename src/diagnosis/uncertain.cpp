@@ -64,8 +64,11 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
         std::visit([&](auto& sensor) { sensor.readout_modes.front().read_noise_e *= factor; }, l.sensor);
       },
       [](const Calibration& c) { return c.model.read_noise_counts; }));
+  // Few frames, or dark ones only, leave more open.
+  const double gain_error =
+      calibration.counts_per_electron_error / std::max(1e-12, calibration.model.counts_per_electron);
   open.push_back(relative(
-      "electrons_per_count", 0.012,
+      "electrons_per_count", std::clamp(1.5 * gain_error, 0.012, 0.15),
       [](Lab& l, double factor) {
         // The read noise is known in counts.
         std::visit(

@@ -279,6 +279,45 @@ class Commands(unittest.TestCase):
                                                          "camera.shutter_open=false"), "--where-only")
         self.assertEqual((result.returncode, diagnosis["verdict"]), (0, "no_gap"), diagnosis["sentence"])
 
+    def plain_stack(self, name, filling, frames, *more):
+        """Of the plain model: the camera's own serial charge is left out."""
+        return self.render(name, LAB % filling, frames, "--set", "effects.serial_cic=0", *more)
+
+    def test_background_and_flats_are_taken(self):
+        atoms = self.plain_stack("plain_atoms.npy", 0.6, 60)
+        darks = self.plain_stack("plain_darks.npy", 0, 40, "--first", "1000", "--set", "camera.shutter_open=false")
+        background = self.plain_stack("background.npy", 0, 40, "--first", "300")
+        flats = [self.plain_stack(f"flat{level}.npy", 0, 40, "--first", str(400 + level), "--set",
+                                  f"light.stray_light_photons_per_s={level}") for level in (100, 300, 600)]
+        stacks = ["--darks", darks, "--background", background, "--flats", *flats]
+        result, diagnosis, _ = self.diagnose(atoms, *stacks, "--where-only", notes=self.notes)
+        self.assertEqual((result.returncode, diagnosis["verdict"]), (0, "no_gap"), diagnosis["sentence"])
+        self.assertEqual(len(diagnosis["flats"]["levels"]), 3)
+        # Excess noise times gain over electrons per count, of a register: twice what the frames say.
+        rows = {row["key"]: row for row in diagnosis["calibration"]}
+        by_flats = rows["flats: em_gain / electrons_per_count"]
+        by_frames = rows["camera.em_gain / electrons_per_count"]
+        self.assertLess(abs(by_flats["fitted"] - by_frames["fitted"]), 5 * (by_flats["error"] + by_frames["error"]))
+        for role, frames in (("background", 40), ("flats_1", 40), ("flats_3", 40)):
+            self.assertEqual(diagnosis["inputs"][role]["frames"], frames)
+        self.assertIn("--background " + background, diagnosis["inputs"]["command"])
+        self.assertIn("--flats " + flats[2], diagnosis["inputs"]["command"])
+        # The light without atoms is the background's, not what the sites' images leave.
+        good("calibrate", "--frames", atoms, "--darks", darks, "--lab", self.notes, "-o", self.path("without.toml"),
+             "--report", self.path("without"))
+        with open(self.path("without/calibration.json")) as stream:
+            without = {row["key"]: row for row in json.load(stream)["parameters"]}
+        light = "light.stray_light_photons_per_s x quantum_efficiency x exposure_s"
+        self.assertNotEqual(rows[light]["fitted"], without[light]["fitted"])
+        self.refused(["flats", "darks"], 3, "diagnose", "--frames", atoms, "--lab", self.notes, "--flats", flats[0],
+                     "--out", self.path("x"))
+
+    def test_light_without_atoms_is_welcome(self):
+        light = self.plain_stack("light.npy", 0, 48)
+        darks = self.plain_stack("its_darks.npy", 0, 48, "--first", "1000", "--set", "camera.shutter_open=false")
+        result, diagnosis, _ = self.diagnose(light, "--darks", darks, "--where-only")
+        self.assertEqual((result.returncode, diagnosis["verdict"]), (0, "no_gap"), diagnosis["sentence"])
+
     def test_one_stack_against_another(self):
         result, diagnosis, out = self.diagnose(self.plain, "--against", self.noisy)
         self.assertEqual((result.returncode, diagnosis["verdict"]), (2, "unexplained"), diagnosis["sentence"])

@@ -29,6 +29,10 @@ constexpr double for_diagnosis = 0.96;  // of the time; the rest is for the repo
 
 struct DiagnoseOptions {
   std::string frames, darks, notes, output, against;
+  std::string background;
+  double background_exposure_s = 0;
+  std::vector<std::string> flats;
+  std::vector<double> flats_exposures;
   std::vector<std::string> exclude, include;
   std::uint64_t seed = 1;
   int threads = 0;
@@ -41,6 +45,12 @@ std::string command_of(const DiagnoseOptions& options) {
   CommandText text("atomcam diagnose");
   text.add("--frames", options.frames);
   if (!options.darks.empty()) text.add("--darks", options.darks);
+  if (!options.background.empty()) text.add("--background", options.background);
+  if (options.background_exposure_s > 0)
+    text.add("--background-exposure", fmt::format("{}", options.background_exposure_s));
+  for (const std::string& file : options.flats) text.add("--flats", file);
+  for (const double exposure : options.flats_exposures)
+    text.add("--flats-exposure", fmt::format("{}", exposure));
   if (!options.against.empty()) text.add("--against", options.against);
   text.add("--lab", options.notes).add("--out", options.output);
   for (const std::string& name : options.exclude) text.add("--exclude", name);
@@ -80,22 +90,29 @@ int run(const DiagnoseOptions& options) {
   if (!options.against.empty() && !(options.include.empty() && options.exclude.empty()))
     throw Error("--against",
                 "compares two stacks without any effects: --include and --exclude are not allowed");
+  if (!options.flats_exposures.empty() && options.flats_exposures.size() != options.flats.size())
+    throw Error("--flats-exposure", fmt::format("has {} values for {} stacks of --flats",
+                                                options.flats_exposures.size(), options.flats.size()));
   const Notes notes = read_notes(options.notes);
   const auto frames = open_frames(options.frames);
   const auto darks = options.darks.empty() ? nullptr : open_frames(options.darks);
   const auto against = options.against.empty() ? nullptr : open_frames(options.against);
+  const auto background = options.background.empty() ? nullptr : open_frames(options.background);
+  std::vector<std::unique_ptr<FrameSequence>> flats;
+  for (const std::string& file : options.flats) flats.push_back(open_frames(file));
   const std::filesystem::path folder = options.output;
   check_folder(folder, "--out");
 
   DiagnosisInputs inputs;
-  inputs.files.push_back(
-      {"frames", options.frames, sha256_of(options.frames), frames->frames(), frames->shape()});
-  if (darks)
-    inputs.files.push_back(
-        {"darks", options.darks, sha256_of(options.darks), darks->frames(), darks->shape()});
-  if (against)
-    inputs.files.push_back(
-        {"against", options.against, sha256_of(options.against), against->frames(), against->shape()});
+  const auto add_stack = [&](const char* role, const std::string& file, const FrameSequence& stack) {
+    inputs.files.push_back({role, file, sha256_of(file), stack.frames(), stack.shape()});
+  };
+  add_stack("frames", options.frames, *frames);
+  if (darks) add_stack("darks", options.darks, *darks);
+  if (background) add_stack("background", options.background, *background);
+  for (std::size_t n = 0; n < flats.size(); ++n)
+    add_stack(fmt::format("flats_{}", n + 1).c_str(), options.flats[n], *flats[n]);
+  if (against) add_stack("against", options.against, *against);
   inputs.files.push_back({"notes", options.notes, sha256_of(options.notes), 0, {}});
   inputs.exclude = options.exclude;
   inputs.include = options.include;
@@ -106,6 +123,11 @@ int run(const DiagnoseOptions& options) {
   DiagnosisOptions how;
   how.exclude = options.exclude;
   how.include = options.include;
+  how.beside.background = background.get();
+  how.beside.background_exposure_s = options.background_exposure_s;
+  for (std::size_t n = 0; n < flats.size(); ++n)
+    how.beside.flats.push_back(
+        {flats[n].get(), options.flats_exposures.empty() ? 0 : options.flats_exposures[n]});
   how.seed = options.seed;
   how.where_only = options.where_only;
   how.threads = options.threads > 0 ? options.threads
@@ -141,6 +163,12 @@ void add_diagnose_command(CLI::App& app) {
   command
       ->add_option("--out", options->output, "Folder to write diagnosis.json, lab.toml and report.html into")
       ->required();
+  command->add_option("--background", options->background, "Stack without atoms, light on");
+  command->add_option("--background-exposure", options->background_exposure_s,
+                      "Its exposure in seconds, if not that of the frames");
+  command->add_option("--flats", options->flats,
+                      "Evenly lit stacks, one a level of light; they need --darks");
+  command->add_option("--flats-exposure", options->flats_exposures, "Exposure of each, for the linearity");
   command->add_option("--against", options->against,
                       "Another stack, to compare the frames with instead of their simulation");
   command->add_option("--exclude", options->exclude, "An effect that is not looked for (may be repeated)")

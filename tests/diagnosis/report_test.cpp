@@ -44,9 +44,13 @@ Diagnosis everything() {
                            100};
   d.unexplained = {true, "optics", "<script>alert(1)</script>"};
   d.next_measurement = {"darks & flats"};
-  d.hypotheses = {{{"row_noise"}, 120, 0.9, -1, 0, ""},
-                  {{"row_noise"}, 120, 0.9, 0.3, 0.95, ""},
-                  {{"bias_drift"}, 3, 0.1, 1e-6, 0.1, "leaves a < b at +9 sigma"}};
+  d.hypotheses.resize(3);
+  d.hypotheses[0].effects = d.hypotheses[1].effects = {"row_noise"};
+  d.hypotheses[0].log_evidence = d.hypotheses[1].log_evidence = 120;
+  d.hypotheses[1].p_value = 0.3, d.hypotheses[1].closed = 0.95;
+  d.hypotheses[2].effects = {"bias_drift"};
+  d.hypotheses[2].log_evidence = 3, d.hypotheses[2].p_value = 1e-6, d.hypotheses[2].closed = 0.1;
+  d.hypotheses[2].why_not = "leaves a < b at +9 sigma";
   d.calibration.parameters = {{"camera.bias_counts", "counts", 200, 201, 0.1, false}};
   d.calibration.warnings = {"a & b"};
   d.seconds = 12;
@@ -136,6 +140,7 @@ TEST(DiagnosisJson, KeysAreStable) {
                                           "hypotheses[].log_evidence",
                                           "hypotheses[].p_value",
                                           "hypotheses[].closed",
+                                          "hypotheses[].imitates",
                                           "hypotheses[].why_not",
                                           "calibration[].key",
                                           "calibration[].unit",

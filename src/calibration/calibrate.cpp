@@ -507,7 +507,11 @@ class Calibrator {
       const std::string what =
           fmt::format("light varies {:.3g} times as much as {:.3g} counts per electron say", ratio, k);
       if (!input_.like && (ratio > 10 || ratio < 0.1))
-        throw Error(notes_.place + ": settings", what + ": notes of another camera or other settings?");
+        throw Error(notes_.place + ": settings",
+                    what + ": notes of another camera or other settings?" +
+                        (emccd() || input_.darks ? ""
+                                                 : " Or darks are missing: without them the noise of a qCMOS "
+                                                   "cannot be told from the light's."));
       result_.warnings.push_back(what);
       return;
     }

@@ -144,7 +144,8 @@ class Comparison {
     const Eigen::MatrixXd of_frames = differences_of_halves(frames_, plan_, choices);
     tell("halves of the stacks", 0.8);
     const Eigen::MatrixXd of_against = differences_of_halves(against_, plan_, choices);
-    const Eigen::VectorXd factor = unrest(of_frames, of_against, scatter_of(pairs.halves));
+    const Eigen::VectorXd factor =
+        unrest(of_frames, of_against, scatter_of(pairs.halves), standard.deviation());
     tell("comparing", 0.95);
     const BatteryValues one = measure(plan_.model, frames_, nullptr, plan_.split);
     const BatteryValues two = measure(plan_.model, against_, nullptr, plan_.split);
@@ -181,17 +182,21 @@ class Comparison {
                                    result_.p_gap, rest.stage, rest.looks_like);
   }
 
-  /// By how much more the real stacks' halves differ than simulated ones do, at least 1.
+  /// By how much more the real stacks' halves differ than simulated ones do, at least 1. Where simulated
+  /// halves never differ (no event of its kind), in the deviations that count then.
   Eigen::VectorXd unrest(const Eigen::MatrixXd& of_frames, const Eigen::MatrixXd& of_against,
-                         const Eigen::VectorXd& simulated) const {
+                         const Eigen::VectorXd& simulated, const Eigen::VectorXd& deviation) const {
     const auto a = static_cast<double>(frames_.frames()), b = static_cast<double>(against_.frames());
     const Eigen::VectorXd one = scatter_of(of_frames), other = scatter_of(of_against);
     Eigen::VectorXd factor = Eigen::VectorXd::Ones(simulated.size());
     for (Eigen::Index i = 0; i < factor.size(); ++i) {
-      if (!(simulated(i) > 0)) continue;
+      const double unit = simulated(i) > 0 ? simulated(i) : deviation(i);
+      if (!(unit > 0)) continue;
       // Half of the other stack has another number of frames than half of this one.
-      const double mine = one(i) / simulated(i), its = other(i) / simulated(i) * std::sqrt(b / a);
-      factor(i) = std::max(1.0, std::sqrt((mine * mine * b + its * its * a) / (a + b)));
+      const double mine = one(i) / unit, its = other(i) / unit * std::sqrt(b / a);
+      const double both = std::sqrt((mine * mine * b + its * its * a) / (a + b));
+      // A rare event is in one half or the other, whole.
+      factor(i) = std::max(1.0, simulated(i) > 0 ? both : std::max(mine, its));
     }
     return factor;
   }

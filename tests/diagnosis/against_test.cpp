@@ -62,6 +62,15 @@ TEST(Against, WhatBothHaveIsNoGapAndWhatOneHasIs) {
   EXPECT_GT(one.where.front().z, 0);  // the frames have more of it
 }
 
+TEST(Against, OneRareEventIsNoGap) {
+  const Stacks it;
+  std::vector<CountImage> frames;
+  it.stack(2)->visit([&](std::size_t, const CountImage& frame) { frames.push_back(frame); });
+  for (const int column : {10, 11, 12}) frames[20](15, column) = 9000;
+  const Diagnosis found = it.compare(*it.stack(1), FramesInMemory(std::move(frames)));
+  EXPECT_EQ(found.verdict, Verdict::no_gap) << found.sentence;
+}
+
 TEST(Against, AChangedParameterIsNamed) {
   const Stacks it;
   const Diagnosis found =

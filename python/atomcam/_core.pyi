@@ -104,6 +104,8 @@ class Diagnosis:
 def diagnose(
     inputs: list[tuple[str, str, str, Frames | None]],
     notes: Notes,
+    background_exposure_s: float,
+    flat_exposures: list[float],
     exclude: list[str],
     include: list[str],
     seed: int,

@@ -10,7 +10,9 @@ from typing import Any
 from . import _core
 from .errors import error
 from .lab import Lab, _threads, _whole
-from .stacks import Frames, Notes, Progress, call, described, frames_of, notes_of, word
+from .stacks import (
+    Flats, Frames, Notes, Progress, call, described, flats_in_call, frames_of, levels_of, notes_of, positive, word,
+)
 
 __all__ = ["Diagnosis", "diagnose"]
 
@@ -123,6 +125,9 @@ def diagnose(
     progress: Progress | None = None,
     out: str | os.PathLike[str] | None = None,
     *,
+    background: Frames | None = None,
+    flats: Flats | None = None,
+    background_exposure_s: float | None = None,
     against: Frames | None = None,
     cache: str | os.PathLike[str] | None = None,
 ) -> Diagnosis:
@@ -142,6 +147,10 @@ def diagnose(
     progress : called with (step, fraction done) on the calling thread; what it raises ends the work.
     out : folder for diagnosis.json, lab.toml and report.html, as by `Diagnosis.write`. None: nothing is written.
 
+    background : shutter open, no atoms.
+    flats : evenly lit stacks at several levels, same settings; they need darks. A dictionary has the exposure of each as
+        its key, in any unit.
+    background_exposure_s : of the background, in seconds, if not that of the frames.
     against : another stack, of 16 frames or more, to compare the frames with in the place of their simulation: before and
         after a change of the set-up. Effects are not looked for.
     cache : folder that keeps what was simulated, for the next diagnosis of the same frames, which is then quicker; at most
@@ -154,7 +163,10 @@ def diagnose(
     seed, cores = _whole("seed", seed), _threads(threads)
     if against is not None and (exclude or include):
         raise error("against", "compares two stacks without any effects: exclude and include are not allowed")
-    stacks = {"frames": frames, "darks": darks, "against": against}
+    seconds = positive("background_exposure_s", background_exposure_s)
+    levels, exposures = levels_of(flats)
+    stacks = {"frames": frames, "darks": darks, "background": background,
+              **{f"flats_{n + 1}": one for n, one in enumerate(levels)}, "against": against}
     inputs: list[tuple[str, str, str, _core.Frames | None]] = []
     for role, stack in stacks.items():
         if stack is not None:
@@ -164,9 +176,10 @@ def diagnose(
     inputs.append((*described("notes", notes), None))
     folder = "" if out is None else _folder("out", out)
     in_call = {
-        "frames": word(frames), "notes": word(notes), "darks": word(darks), "against": word(against), "exclude": exclude,
-        "include": include, "seed": seed, "where_only": where_only or None, "out": folder or None,
+        "frames": word(frames), "notes": word(notes), "darks": word(darks), "background": word(background),
+        "flats": flats_in_call(levels, exposures), "background_exposure_s": background_exposure_s,
+        "against": word(against), "exclude": exclude, "include": include, "seed": seed, "where_only": where_only or None, "out": folder or None,
     }
     return Diagnosis(_core.diagnose(
-        inputs, written, exclude, include, seed, cores, bool(where_only), "" if cache is None else _folder("cache", cache),
-        call("diagnose", in_call), folder, progress))
+        inputs, written, seconds, exposures, exclude, include, seed, cores, bool(where_only),
+        "" if cache is None else _folder("cache", cache), call("diagnose", in_call), folder, progress))

@@ -1,5 +1,6 @@
 #include "diagnosis/diagnosis.hpp"
 
+#include <fmt/format.h>
 #include <pybind11/stl.h>
 
 #include <algorithm>
@@ -45,6 +46,8 @@ struct Diagnosed {
 
 /// `folder`: where the files go; empty: nowhere.
 std::unique_ptr<Diagnosed> diagnose_frames(const std::vector<Input>& in, const Notes& notes,
+                                           double background_exposure_s,
+                                           const std::vector<double>& flat_exposures,
                                            const std::vector<std::string>& exclude,
                                            const std::vector<std::string>& include, std::uint64_t seed,
                                            int threads, bool where_only, const std::string& cache,
@@ -70,6 +73,10 @@ std::unique_ptr<Diagnosed> diagnose_frames(const std::vector<Input>& in, const N
     DiagnosisOptions options;
     options.exclude = exclude;
     options.include = include;
+    options.beside.background = made->stack("background");
+    options.beside.background_exposure_s = background_exposure_s;
+    for (std::size_t n = 0; const FrameSequence* flats = made->stack(fmt::format("flats_{}", n + 1)); ++n)
+      options.beside.flats.push_back({flats, n < flat_exposures.size() ? flat_exposures[n] : 0});
     options.seed = seed;
     options.threads = made->threads;
     options.where_only = where_only;
@@ -110,7 +117,8 @@ void bind_diagnosis(py::module_& module) {
           "The calibrated lab without effects.")
       .def("write", &write, py::arg("folder"), py::arg("progress"),
            "Writes the report, diagnosis.json and lab.toml; the interpreter runs on.");
-  module.def("diagnose", &diagnose_frames, py::arg("inputs"), py::arg("notes"), py::arg("exclude"),
+  module.def("diagnose", &diagnose_frames, py::arg("inputs"), py::arg("notes"),
+             py::arg("background_exposure_s"), py::arg("flat_exposures"), py::arg("exclude"),
              py::arg("include"), py::arg("seed"), py::arg("threads"), py::arg("where_only"), py::arg("cache"),
              py::arg("command"), py::arg("folder"), py::arg("progress"),
              "Real against simulated frames, or against others; the interpreter runs on.");

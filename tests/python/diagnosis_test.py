@@ -111,6 +111,31 @@ class Diagnoses(unittest.TestCase):
             del one["inputs"]
         self.assertEqual(arrays, files)
 
+    def test_background_and_flats_are_the_commands(self):
+        lab = practice.lab(**{"atoms.filling": 0})
+        stacks = {"frames": self.plain, "darks": self.darks, "background": lab.render(20, 20000)[0]}
+        flats = {}
+        for level in (1, 2, 4):
+            lab["light.stray_light_photons_per_s"] = 20 * level
+            flats[level] = lab.render(12, 30000 + 100 * level)[0]
+        files = []
+        for name, frames in [*stacks.items(), *((f"flat{level}", one) for level, one in flats.items())]:
+            np.save(self.file(name + ".npy"), frames)
+            files += [f"--{name}" if name in stacks else "--flats", name + ".npy"]
+        with open(self.file("dark_notes.json"), "w") as notes:
+            json.dump(practice.NO_SITES, notes)
+        subprocess.run(
+            [os.environ["ATOMCAM"], "diagnose", *files, "--flats-exposure", "1", "2", "4", "--lab", "dark_notes.json",
+             "--out", "lit", "--no-cache", "--where-only"], cwd=self.folder.name, capture_output=True)
+        with open(self.file("lit/diagnosis.json")) as written:
+            theirs = json.load(written)
+        mine = self.where(flats=flats, **stacks).as_dict()
+        self.assertEqual(set(mine["inputs"]), set(theirs["inputs"]))
+        self.assertIn("flats_3", mine["inputs"])
+        for one in (mine, theirs):
+            del one["seconds"], one["inputs"]
+        self.assertEqual(mine, theirs)
+
     def test_one_stack_against_another(self):
         same = atomcam.diagnose(self.plain[:24], practice.NO_SITES, against=self.plain[24:])
         self.assertEqual(same.verdict, "no_gap", same.sentence)

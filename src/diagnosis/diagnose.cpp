@@ -498,7 +498,7 @@ class Diagnoser {
 
   void ask_others() {
     tell("second opinions", 0.99);
-    const OpinionModel plain = opinion_model(plain_, real_);
+    const OpinionModel plain = opinion_model(plain_, real_, result_.p_gap < gap_level);
     const OpinionModel fixed = have_final_ ? opinion_model(final_, real_) : OpinionModel{};
     result_.gap.second_opinions =
         second_opinions(frames_, plan_, plain, have_final_ ? &fixed : nullptr, numbers_of("opinions"));

@@ -281,10 +281,12 @@ class Comparison {
 
 }  // namespace
 
-OpinionModel opinion_model(const Model& model, const BatteryValues& real) {
+OpinionModel opinion_model(const Model& model, const BatteryValues& real, bool as_calibrated) {
   const bool plain = model.effects.empty();
   const Standard standard(model.population, Part::fitting, {}, {}, plain ? 3 : 8);
-  const Eigen::VectorXd fitted = standard.estimate(as_vector(real.part[0]));
+  Eigen::VectorXd fitted = standard.estimate(as_vector(real.part[0]));
+  for (std::size_t k = 0; as_calibrated && k < model.open.size(); ++k)
+    fitted(static_cast<Eigen::Index>(k)) = model.open[k].centre;
   OpinionModel opinion;
   opinion.lab = model.lab_at(fitted);
   const Eigen::Index stacks = standard.misses().rows();

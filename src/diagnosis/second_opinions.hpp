@@ -56,8 +56,9 @@ struct OpinionModel {
   Lab lab;
   std::vector<Lab> alike;
 };
-/// Open parameters are those that fit the real stack's fitting part best.
-OpinionModel opinion_model(const Model& model, const BatteryValues& real);
+/// Open parameters are those that fit the real stack's fitting part best; with `as_calibrated`, those that
+/// calibration gave: what fits a stack best in which much is different moves the parameters to please that.
+OpinionModel opinion_model(const Model& model, const BatteryValues& real, bool as_calibrated = false);
 
 /// `fixed`: with the found effects; null: none were found. Stacks are numbered from `first` on, both models'
 /// alike: what differs is the models. Looks at every frame once, and at fewer of large ones.

@@ -31,6 +31,11 @@ Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
 
 constexpr std::uintmax_t largest_cache = std::uintmax_t{4} << 30;
 
+/// Distance from which on a model is hopelessly behind the nearest.
+double behind(double nearest) {
+  return std::max(1.5, 1.5 * nearest);
+}
+
 /// The first stack number of a step: far from those of all others, and the same whatever else is done.
 std::uint64_t numbers_of(std::string_view step) {
   return stream_id(step) & ~std::uint64_t{0xFFFFFF};
@@ -212,7 +217,7 @@ class Diagnoser {
     for (std::size_t k = 0; k < contenders.size(); ++k) {
       if (contenders[k].model.distance > worthwhile * plain) break;
       // What is hopelessly behind is let go as soon as one of them has come near.
-      if (k > 0 && contenders[k].model.distance > std::max(2.0, 2 * contenders.front().model.distance)) {
+      if (k > 0 && contenders[k].model.distance > behind(contenders.front().model.distance)) {
         contenders.resize(k);
         break;
       }
@@ -228,7 +233,7 @@ class Diagnoser {
                    fit(contenders.front().model, {&plain_, real_stack()}, more_rounds, plan_,
                        numbers_of("fit 3/" + contenders.front().name)));
     while (contenders.size() > 1 &&
-           contenders.back().model.distance > std::max(1.5, 1.5 * contenders.front().model.distance))
+           contenders.back().model.distance > behind(contenders.front().model.distance))
       contenders.pop_back();
     std::vector<Model> judged;
     for (std::size_t k = 0; k < contenders.size(); ++k) {

@@ -1,13 +1,10 @@
 // atomcam blind: stacks with sealed effects, and how well a diagnosis names them.
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -21,6 +18,7 @@
 #include "data/output_files.hpp"
 #include "data/stack.hpp"
 #include "diagnosis/blind.hpp"
+#include "diagnosis/blind_score.hpp"
 #include "diagnosis/diagnosis.hpp"
 #include "diagnosis/diagnosis_json.hpp"
 #include "simulation/simulation.hpp"
@@ -100,51 +98,22 @@ void make(const MakeOptions& options) {
   });
 }
 
-/// Counts of what became of stacks of one kind.
-struct Outcome {
-  int stacks = 0, no_gap = 0, named = 0, wrong = 0, partly = 0, ambiguous = 0, unexplained = 0,
-      stage_right = 0, with_stage = 0;
-  std::vector<double> closed;
-};
-
-double median(std::vector<double> values) {
-  if (values.empty()) return std::nan("");
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
-
-void count(Outcome& outcome, const Json& seal, const Json& found) {
-  ++outcome.stacks;
-  std::vector<std::string> truth, stages, names;
-  for (const Json& effect : seal["effects"]) {
-    truth.push_back(effect["name"]);
-    stages.push_back(effect["stage"]);
+BlindResult result_of(const Json& seal, const Json& found) {
+  BlindResult result;
+  for (const Json& effect : seal["effects"])
+    result.sealed.push_back({effect["name"], effect["stage"], effect["strength"]});
+  result.verdict = found["verdict"];
+  for (const Json& effect : found["effects"]) {
+    BlindResult::Found one{effect["name"], effect["stage"]};
+    const Json& strength = effect["parameters"][find_effect(one.name)->parameters.front().key];
+    one.strength = strength["value"];
+    one.error = strength["error"];
+    result.found.push_back(std::move(one));
   }
-  for (const Json& effect : found["effects"]) names.push_back(effect["name"]);
-  const std::string verdict = found["verdict"];
-  const auto in = [](const std::vector<std::string>& list, const std::string& one) {
-    return std::find(list.begin(), list.end(), one) != list.end();
-  };
-  if (verdict == "no_gap") {
-    ++outcome.no_gap;
-    return;
-  }
-  if (!truth.empty()) {
-    ++outcome.with_stage;
-    const std::string stage = names.empty() ? found["unexplained"]["stage"].get<std::string>()
-                                            : found["effects"][0]["stage"].get<std::string>();
-    outcome.stage_right += in(stages, stage);
-  }
-  if (verdict == "unexplained") ++outcome.unexplained;
-  if (verdict == "ambiguous") ++outcome.ambiguous;
-  if (verdict == "partly_explained") ++outcome.partly;
-  if (verdict == "explained" || verdict == "partly_explained") {
-    const bool wrong =
-        std::any_of(names.begin(), names.end(), [&](const auto& name) { return !in(truth, name); });
-    outcome.wrong += wrong;
-    outcome.named += !wrong && names.size() == truth.size();
-    if (!wrong) outcome.closed.push_back(found["gap"]["closed"]);
-  }
+  if (found["unexplained"]["stage"].is_string()) result.unexplained_stage = found["unexplained"]["stage"];
+  result.p_gap = found["gap"]["p_before"];
+  if (found["gap"]["closed"].is_number()) result.closed = found["gap"]["closed"];
+  return result;
 }
 
 void score(const ScoreOptions& options) {
@@ -163,7 +132,7 @@ void score(const ScoreOptions& options) {
   catch_interrupts();
   at_run_time([&] {
     Progress progress(stacks.size(), "stacks");
-    std::map<std::string, Outcome> outcomes;
+    BlindScore tables;
     std::uint64_t done = 0;
     for (const std::string& name : stacks) {
       if (interrupted()) break;
@@ -185,23 +154,10 @@ void score(const ScoreOptions& options) {
         inputs.exclude = how.exclude;
         write_text(result, diagnosis_json(diagnosis, inputs));
       }
-      const Json found = read_json(result);
-      std::vector<std::string> truth;
-      for (const Json& effect : seal["effects"]) truth.push_back(effect["name"]);
-      const std::string row = truth.empty() ? "(none)" : truth.size() > 1 ? "(pairs)" : truth.front();
-      count(outcomes[row], seal, found);
-      count(outcomes["(all)"], seal, found);
+      tables.add(result_of(seal, read_json(result)));
       progress.update(++done);
     }
-    std::string table = fmt::format(
-        "| sealed | stacks | no gap | named right | partly | ambiguous | unexplained | wrong name | stage "
-        "right | closed "
-        "(median) |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
-    for (const auto& [row, o] : outcomes)
-      table += fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", row, o.stacks, o.no_gap,
-                           o.named, o.partly, o.ambiguous, o.unexplained, o.wrong,
-                           o.with_stage ? fmt::format("{} of {}", o.stage_right, o.with_stage) : "",
-                           o.closed.empty() ? "" : fmt::format("{:.3f}", median(o.closed)));
+    const std::string table = tables.tables();
     fmt::print("{}", table);
     if (!options.table.empty()) write_text(options.table, table);
   });

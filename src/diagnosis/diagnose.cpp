@@ -309,7 +309,8 @@ class Diagnoser {
     }
     std::vector<Contender> contenders;
     for (std::size_t k = 0; k < std::min<std::size_t>(6, scans.size()); ++k) {
-      if (k > 1 && scans[k].log_likelihood < 0.4 * scans[0].log_likelihood - 20) break;
+      // Beyond the first two only what the scan speaks for.
+      if (k > 1 && scans[k].log_likelihood < std::max(0.0, 0.4 * scans[0].log_likelihood - 20)) break;
       contenders.push_back({scans[k].effect->name, with(plain_, scans[k]), scans[k].log_likelihood});
       if (k >= 3) continue;
       // Also from the stack that really came nearest: the emulator may have led elsewhere.

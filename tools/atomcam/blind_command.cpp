@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "atomcam/cache_option.hpp"
 #include "atomcam/commands.hpp"
 #include "atomcam/interrupt.hpp"
 #include "atomcam/progress.hpp"
@@ -40,6 +41,7 @@ struct ScoreOptions {
   std::vector<std::string> exclude;
   bool exclude_truth = false;
   int threads = 0;
+  CacheOption cache;
 };
 
 std::string stack_name(int number) {
@@ -146,6 +148,7 @@ void score(const ScoreOptions& options) {
         how.threads = options.threads > 0
                           ? options.threads
                           : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+        how.cache = options.cache.path();
         const auto frames = open_frames(folder / name / "frames.tif"),
                    darks = open_frames(folder / name / "darks.tif");
         const Diagnosis diagnosis =
@@ -223,6 +226,7 @@ void add_blind_command(CLI::App& app) {
   scoring->add_option("--table", to_score->table, "Also write the table into this file (Markdown)");
   scoring->add_option("--threads", to_score->threads, "Threads (default: all cores)")
       ->check(CLI::Range(1, 1024));
+  to_score->cache.add_to(*scoring);
   scoring->footer(
       "Diagnoses that are there already are kept: Ctrl-C and go on later.\n\nExample:\n  atomcam blind score "
       "blind --table validation.md");

@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <thread>
 
+#include "atomcam/cache_option.hpp"
 #include "atomcam/command_text.hpp"
 #include "atomcam/commands.hpp"
 #include "atomcam/run_command.hpp"
@@ -37,8 +37,7 @@ struct DiagnoseOptions {
   std::uint64_t seed = 1;
   int threads = 0;
   bool where_only = false;
-  std::string cache;
-  bool no_cache = false;
+  CacheOption cache;
 };
 
 std::string command_of(const DiagnoseOptions& options) {
@@ -57,15 +56,6 @@ std::string command_of(const DiagnoseOptions& options) {
   for (const std::string& name : options.include) text.add("--include", name);
   if (options.where_only) text.add("--where-only");
   return text.add("--seed", std::to_string(options.seed)).text();
-}
-
-/// The user's cache, after the XDG base directory specification; empty if there is no home.
-std::filesystem::path default_cache() {
-  if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache && *cache == '/')
-    return std::filesystem::path(cache) / "atomcam";
-  if (const char* home = std::getenv("HOME"); home && *home == '/')
-    return std::filesystem::path(home) / ".cache/atomcam";
-  return {};
 }
 
 int exit_code(Verdict verdict) {
@@ -132,8 +122,7 @@ int run(const DiagnoseOptions& options) {
   how.where_only = options.where_only;
   how.threads = options.threads > 0 ? options.threads
                                     : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  if (!options.no_cache)
-    how.cache = options.cache.empty() ? default_cache() : std::filesystem::path(options.cache);
+  how.cache = options.cache.path();
   Diagnosis diagnosis;
   {
     StepProgress progress;
@@ -183,11 +172,7 @@ void add_diagnose_command(CLI::App& app) {
       ->add_option("--threads", options->threads,
                    "Threads; the result does not depend on it (default: all cores)")
       ->check(CLI::Range(1, 1024));
-  command->add_option(
-      "--cache", options->cache,
-      "Folder that keeps what was simulated, for the next diagnosis of the same frames (default: "
-      "atomcam in the user's cache, at most 4 GiB)");
-  command->add_flag("--no-cache", options->no_cache, "Simulate everything anew and keep nothing");
+  options->cache.add_to(*command);
   command->footer(
       "Exit code: 0 no gap, 1 gap explained, 2 partly explained, unexplained or ambiguous, 3 bad input, 4 "
       "something failed.\n\n"

@@ -193,6 +193,18 @@ class Diagnoser {
     double evidence = 0;
   };
 
+  /// More rounds from where the model is, which stays there if they do not lead nearer.
+  void fit_on(Contender& contender, int rounds, const std::string& step) {
+    Model& model = contender.model;
+    const std::vector<Uncertain> before = model.open;
+    const double reached =
+        fit(model, {&plain_, real_stack()}, rounds, plan_, numbers_of(step + contender.name));
+    if (reached < model.distance)
+      model.distance = reached;
+    else
+      model.open = before;
+  }
+
   /// A few rounds for all, more for those that come near; the nearest are judged.
   std::vector<Model> fit_and_judge(std::vector<Contender> contenders, double from, double to) {
     constexpr int first_rounds = 3, more_rounds = 8, stacks = 90;
@@ -222,16 +234,12 @@ class Diagnoser {
         break;
       }
       tell(title(contenders[k].model), at(0.4 + 0.1 * static_cast<double>(k)));
-      contenders[k].model.distance = fit(contenders[k].model, {&plain_, real_stack()}, more_rounds, plan_,
-                                         numbers_of("fit 2/" + contenders[k].name));
+      fit_on(contenders[k], more_rounds, "fit 2/");
     }
     std::sort(contenders.begin(), contenders.end(), nearer);
     if (!contenders.empty() && contenders.front().model.distance > like_own &&
         contenders.front().model.distance < 3)
-      contenders.front().model.distance =
-          std::min(contenders.front().model.distance,
-                   fit(contenders.front().model, {&plain_, real_stack()}, more_rounds, plan_,
-                       numbers_of("fit 3/" + contenders.front().name)));
+      fit_on(contenders.front(), more_rounds, "fit 3/");
     while (contenders.size() > 1 &&
            contenders.back().model.distance > behind(contenders.front().model.distance))
       contenders.pop_back();

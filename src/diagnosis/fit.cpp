@@ -183,7 +183,8 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
     const Local local = straight_lines(population, drawn, from, fitter.unit());
     const Fitter::Step step = fitter.step(local, model.open, from);
     if (step.distance > 1.3 * best.distance) ++uphill;
-    if (uphill > uphill_rounds || step.distance > lost * best.distance) {
+    const int patience = best.distance > near ? uphill_rounds : 0;
+    if (uphill > patience || step.distance > lost * best.distance) {
       // Back: part of the way only, and a closer look.
       uphill = 0;
       for (std::size_t k = 0; k < model.open.size(); ++k) {

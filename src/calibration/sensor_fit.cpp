@@ -4,18 +4,11 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/quantile.hpp"
+
 namespace atomcam {
 namespace {
 
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return 0;
-  const auto n = static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1) + 0.5);
-  std::nth_element(values.begin(), values.begin() + n, values.end());
-  return values[static_cast<std::size_t>(n)];
-}
-double median(std::vector<double> values) {
-  return quantile(std::move(values), 0.5);
-}
 /// Standard deviation of a normal law with these 16 % and 84 % quantiles.
 double robust_sigma(const std::vector<double>& values) {
   return 0.5 * (quantile(values, 0.8413) - quantile(values, 0.1587));

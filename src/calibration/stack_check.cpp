@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "base/quantile.hpp"
 
 namespace atomcam {
 namespace {
@@ -24,13 +25,12 @@ std::size_t quantile(const std::vector<std::uint64_t>& occurrences, double share
   return occurrences.size() - 1;
 }
 
+/// Median over all pixels of what value(pixel) gives.
 template <class Value>
-double median(std::size_t count, Value value) {
-  std::vector<double> values(count);
-  for (std::size_t i = 0; i < count; ++i) values[i] = value(i);
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(count / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+double median_pixel(const StackSums& sums, const Value& value) {
+  std::vector<double> values(sums.sum.pixels().size());
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = value(i);
+  return median(std::move(values));
 }
 
 void check_clipping(const StackSums& sums, std::string_view place) {
@@ -76,11 +76,10 @@ void check_stack(const StackSums& sums, std::string_view place) {
 void check_darks(const StackSums& darks, const StackSums& light) {
   constexpr double drift = 10;  // noises of a pixel
   const auto level = [](const StackSums& sums) {
-    return median(sums.sum.pixels().size(), [&](std::size_t i) { return sums.mean(i); });
+    return median_pixel(sums, [&](std::size_t i) { return sums.mean(i); });
   };
   const double dark = level(darks), lit = level(light);
-  const double noise =
-      std::sqrt(median(darks.sum.pixels().size(), [&](std::size_t i) { return darks.variance(i); }));
+  const double noise = std::sqrt(median_pixel(darks, [&](std::size_t i) { return darks.variance(i); }));
   if (dark > lit + drift * std::max(1.0, noise))
     throw Error("darks",
                 fmt::format("have {:.1f} counts in the median pixel, the frames {:.1f}: frames of the closed "

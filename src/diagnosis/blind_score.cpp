@@ -6,13 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/quantile.hpp"
+
 namespace atomcam {
 namespace {
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
 
 std::string row_of(const std::vector<BlindEffect>& sealed) {
   return sealed.empty() ? "(none)" : sealed.size() > 1 ? "(pairs)" : sealed.front().name;

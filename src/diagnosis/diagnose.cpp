@@ -146,7 +146,7 @@ class Diagnoser {
     return list;
   }
 
-  std::vector<Scan> scan(const Model& before, double from, double to) {
+  std::vector<Scan> scan(const Model& before, const Eigen::MatrixXd& inverse, double from, double to) {
     std::vector<Scan> scans;
     const auto list = candidates(before, excluded());
     for (std::size_t k = 0; k < list.size(); ++k) {
@@ -157,7 +157,7 @@ class Diagnoser {
       const int stacks = 12 + 3 * static_cast<int>(one.effect->parameters.size());
       explore(one, before, stacks, plan_, numbers_of("scan/" + one.effect->name),
               part(one.effect->name, a, b, stacks));
-      match(one, before, before.z);
+      match(one, inverse, before.z);
       scans.push_back(std::move(one));
     }
     sort(scans);
@@ -168,8 +168,8 @@ class Diagnoser {
               [](const Scan& a, const Scan& b) { return a.log_likelihood > b.log_likelihood; });
   }
 
-  /// The model with this effect added, about the scan's best parameters.
-  Model with(const Model& before, const Scan& scan) const {
+  /// The model with the scan's effect added, about these parameters.
+  static Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about) {
     Model model;
     model.effects = before.effects;
     model.effects.push_back(scan.effect->name);
@@ -178,7 +178,7 @@ class Diagnoser {
     model.first_effect_parameter = before.first_effect_parameter;
     for (std::size_t k = 0; k < scan.open.size(); ++k) {
       Uncertain one = scan.open[k];
-      one.centre = scan.best(static_cast<Eigen::Index>(k));
+      one.centre = about(static_cast<Eigen::Index>(k));
       one.width = std::clamp(scan.width(static_cast<Eigen::Index>(k)), 0.03 * (one.highest - one.lowest),
                              0.08 * (one.highest - one.lowest));
       model.open.push_back(std::move(one));
@@ -295,7 +295,8 @@ class Diagnoser {
   }
 
   void explain() {
-    scans_ = scan(plain_, 0.25, 0.5);
+    const Eigen::MatrixXd inverse = plain_.correlation->inverse();
+    scans_ = scan(plain_, inverse, 0.25, 0.5);
     std::vector<Scan>& scans = scans_;
     // Closer and closer looks at fewer and fewer.
     double done = 0.5;
@@ -304,7 +305,7 @@ class Diagnoser {
         explore(scans[k], plain_, 8, plan_,
                 numbers_of(fmt::format("look {}/{}", leaders, scans[k].effect->name)),
                 part(scans[k].effect->name, done, done + 0.0035, 8));
-        match(scans[k], plain_, plain_.z);
+        match(scans[k], inverse, plain_.z);
       }
       sort(scans);
     }
@@ -319,19 +320,16 @@ class Diagnoser {
     for (std::size_t k = 0; k < std::min<std::size_t>(6, scans.size()); ++k) {
       // Beyond the first two only what the scan speaks for.
       if (k > 1 && scans[k].log_likelihood < std::max(0.0, 0.4 * scans[0].log_likelihood - 20)) break;
-      contenders.push_back({scans[k].effect->name, with(plain_, scans[k]), scans[k].log_likelihood});
+      contenders.push_back(
+          {scans[k].effect->name, with(plain_, scans[k], scans[k].best), scans[k].log_likelihood});
       if (k >= 3) continue;
       // Also from the stack that really came nearest: the emulator may have led elsewhere.
-      Scan nearest_one;
-      nearest_one.effect = scans[k].effect;
-      nearest_one.open = scans[k].open;
-      nearest_one.width = scans[k].width;
       Eigen::Index at = 0;
       scans[k].miss.minCoeff(&at);
-      nearest_one.best = scans[k].draws.row(at).transpose();
-      if (((nearest_one.best - scans[k].best).cwiseAbs().array() > scans[k].width.array()).any())
-        contenders.push_back(
-            {scans[k].effect->name + ", nearest", with(plain_, nearest_one), scans[k].log_likelihood});
+      const Eigen::VectorXd nearest_stack = scans[k].draws.row(at).transpose();
+      if (((nearest_stack - scans[k].best).cwiseAbs().array() > scans[k].width.array()).any())
+        contenders.push_back({scans[k].effect->name + ", nearest", with(plain_, scans[k], nearest_stack),
+                              scans[k].log_likelihood});
     }
     std::vector<Model> singles = fit_and_judge(std::move(contenders), 0.58, 0.8);
     if (choose(singles)) return;
@@ -346,17 +344,9 @@ class Diagnoser {
       const PairMatch& match = matches[k];
       // A second effect must speak for itself: many others could soak up a little of what the first leaves.
       if (match.gain < second_evidence) continue;
-      Scan one, two;
-      one.effect = scans[match.first].effect;
-      one.open = scans[match.first].open;
-      one.best = match.best_first;
-      one.width = scans[match.first].width;
-      two.effect = scans[match.second].effect;
-      two.open = scans[match.second].open;
-      two.best = match.best_second;
-      two.width = scans[match.second].width;
-      candidates.push_back(
-          {one.effect->name + " + " + two.effect->name, with(with(plain_, one), two), match.gain});
+      const Scan &one = scans[match.first], &two = scans[match.second];
+      candidates.push_back({one.effect->name + " + " + two.effect->name,
+                            with(with(plain_, one, match.best_first), two, match.best_second), match.gain});
     }
     std::vector<Model> pairs;
     for (Model& model : fit_and_judge(std::move(candidates), 0.8, 1)) {

@@ -47,6 +47,10 @@ Correlation::Correlation(const Eigen::MatrixXd& own) {
   solver.compute(matrix);
 }
 
+Eigen::MatrixXd Correlation::inverse() const {
+  return solver.solve(Eigen::MatrixXd::Identity(solver.rows(), solver.rows()));
+}
+
 OmnibusTest::OmnibusTest(const Eigen::MatrixXd& own) {
   std::array<std::vector<double>, views> samples;
   std::vector<Views> seen;

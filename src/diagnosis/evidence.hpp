@@ -31,6 +31,7 @@ class Floor {
 struct Correlation {
   explicit Correlation(const Eigen::MatrixXd& own);
   Eigen::LDLT<Eigen::MatrixXd> solver;
+  Eigen::MatrixXd inverse() const;
 };
 
 /// Does a stack differ from the model? Two views, each with its null from the model's own stacks: the largest

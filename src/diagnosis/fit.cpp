@@ -81,7 +81,7 @@ class Fitter {
         unit_(ground.plain->standard->deviation()),
         plain_slopes_(ground.plain->standard->slopes()),
         discrepancy_(allowed_discrepancy(*ground.plain, *ground.real.values, plan)),
-        correlation_(ground.plain->standard->own()) {}
+        correlation_(*ground.plain->correlation) {}
 
   struct Step {
     Eigen::VectorXd delta, error;  // of all open parameters, coordinates
@@ -150,19 +150,16 @@ class Fitter {
   Eigen::VectorXd statistics_, unit_;
   Eigen::MatrixXd plain_slopes_;
   Eigen::VectorXd discrepancy_;
-  Correlation correlation_;
+  const Correlation& correlation_;
 };
 
 }  // namespace
 
 double plain_distance(const FitGround& ground, const StackPlan& plan) {
-  const Eigen::VectorXd& unit = ground.plain->standard->deviation();
-  const Eigen::VectorXd discrepancy = allowed_discrepancy(*ground.plain, *ground.real.values, plan);
-  Eigen::VectorXd z = ground.plain->z;
-  for (Eigen::Index i = 0; i < z.size(); ++i)
-    if (unit(i) > 0) z(i) *= unit(i) / std::hypot(unit(i), discrepancy(i));
-  const double distance = compressed(z).squaredNorm() / static_cast<double>(z.size());
-  return distance;
+  const Model& plain = *ground.plain;
+  const Eigen::VectorXd z =
+      tolerated(plain.z, plain.standard->deviation(), allowed_discrepancy(plain, *ground.real.values, plan));
+  return compressed(z).squaredNorm() / static_cast<double>(z.size());
 }
 
 double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& plan, std::uint64_t first) {

@@ -93,8 +93,9 @@ ResultKey& ResultKey::add(const Eigen::MatrixXd& values) {
   return *this;
 }
 
-KeptResults::KeptResults(fs::path folder, std::string common)
-    : folder_(std::move(folder)), common_(program_digest() + common) {
+KeptResults::KeptResults(fs::path folder, std::string common) : folder_(std::move(folder)) {
+  static const std::string program = program_digest();
+  common_ = program + common;
   std::error_code ignored;
   fs::create_directories(folder_, ignored);
 }

@@ -98,10 +98,11 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   model.p_value = model.test->p_value(tolerated);
   model.gap = gap_of(model.z);
   model.floor = Floor(*model.standard).at(0.5);
-  const Correlation correlation(model.standard->own());
+  model.correlation = std::make_unique<Correlation>(model.standard->own());
+  const auto& solver = model.correlation->solver;
   const Eigen::VectorXd y = compressed(tolerated);
-  model.log_likelihood = -0.5 * y.dot(correlation.solver.solve(y)) -
-                         0.5 * correlation.solver.vectorD().array().max(1e-12).log().sum() -
+  model.log_likelihood = -0.5 * y.dot(solver.solve(y)) -
+                         0.5 * solver.vectorD().array().max(1e-12).log().sum() -
                          (model.standard->deviation().array() > 0)
                              .select(model.standard->deviation().array().max(1e-12).log(), 0.0)
                              .sum();

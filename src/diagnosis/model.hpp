@@ -19,6 +19,7 @@ struct Model {
   Eigen::Index first_effect_parameter = 0;
   Population population;
   std::unique_ptr<Standard> standard;
+  std::unique_ptr<Correlation> correlation;  // of its own stacks' statistics
   std::unique_ptr<OmnibusTest> test;
   Eigen::VectorXd estimate, error;  // open parameters for the real stack, coordinates
   Eigen::VectorXd z;                // the real stack's residuals

@@ -119,13 +119,10 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
   scan.emulator = std::make_unique<Emulator>(scan.open, scan.draws, scan.values);
 }
 
-void match(Scan& scan, const Model& before, const Eigen::VectorXd& z) {
+void match(Scan& scan, const Eigen::MatrixXd& inverse, const Eigen::VectorXd& z) {
   const Eigen::VectorXd real = compressed(z);
   scan.miss = (scan.values.rowwise() - real.transpose()).rowwise().squaredNorm();
-  const Correlation correlation(before.standard->own());
   const auto dimension = static_cast<Eigen::Index>(scan.open.size());
-  const Eigen::MatrixXd inverse =
-      correlation.solver.solve(Eigen::MatrixXd::Identity(real.size(), real.size()));
   const double before_log = -0.5 * real.dot(inverse * real);
   // Expected, as the emulator knows it: what it does not know speaks against a place, never for it.
   const auto evidence = [&](const Eigen::VectorXd& at) {

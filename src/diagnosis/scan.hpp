@@ -33,8 +33,8 @@ std::vector<const EffectDeclaration*> candidates(const Model& before,
 void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan, std::uint64_t first,
              const std::function<void(int)>& progress = {});
 
-/// Parameters that fit best, and the evidence.
-void match(Scan& scan, const Model& before, const Eigen::VectorXd& z);
+/// Parameters that fit best, and the evidence. `inverse`: of the correlations of the model before.
+void match(Scan& scan, const Eigen::MatrixXd& inverse, const Eigen::VectorXd& z);
 
 /// How much of an effect's fingerprint (compressed z) another one could pass for with the parameters that
 /// suit it best: 1 minus the square of what is left, over the square of all.

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/quantile.hpp"
+
 namespace atomcam {
 namespace {
 
@@ -13,11 +15,6 @@ constexpr double largest_z = 1e4;
 constexpr double ordinary = 4;  // deviations that a model's own stacks have now and then
 constexpr double still = 0.35;
 
-double quantile(std::vector<double> values, double q) {
-  const auto n = static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1) + 0.5);
-  std::nth_element(values.begin(), values.begin() + n, values.end());
-  return values[static_cast<std::size_t>(n)];
-}
 std::vector<double> finite_column(const Eigen::MatrixXd& matrix, Eigen::Index column) {
   std::vector<double> values;
   for (Eigen::Index n = 0; n < matrix.rows(); ++n)
@@ -206,12 +203,15 @@ Eigen::VectorXd Standard::judge(const Eigen::VectorXd& statistics,
   return rest;
 }
 
-Eigen::VectorXd Standard::tolerated(const Eigen::VectorXd& z) const {
-  if (discrepancy_.size() == 0) return z;
-  Eigen::VectorXd out = z;
+Eigen::VectorXd tolerated(Eigen::VectorXd z, const Eigen::VectorXd& deviation,
+                          const Eigen::VectorXd& discrepancy) {
   for (Eigen::Index i = 0; i < z.size(); ++i)
-    if (deviation_(i) > 0) out(i) *= deviation_(i) / std::hypot(deviation_(i), discrepancy_(i));
-  return out;
+    if (deviation(i) > 0) z(i) *= deviation(i) / std::hypot(deviation(i), discrepancy(i));
+  return z;
+}
+
+Eigen::VectorXd Standard::tolerated(const Eigen::VectorXd& z) const {
+  return discrepancy_.size() == 0 ? z : atomcam::tolerated(z, deviation_, discrepancy_);
 }
 
 Eigen::MatrixXd Standard::slopes() const {

@@ -13,6 +13,10 @@ enum class Part { whole, fitting, held_out };
 
 const Eigen::MatrixXd& values_of(const Population& population, Part part);
 
+/// Residuals with a discrepancy of the model counted as scatter beside the deviation.
+Eigen::VectorXd tolerated(Eigen::VectorXd z, const Eigen::VectorXd& deviation,
+                          const Eigen::VectorXd& discrepancy);
+
 /// A statistic is linear in the open parameters about their centres, with normal-like scatter that is
 /// correlated between statistics: z = J delta + noise. A stack is judged by what is left when the delta that
 /// fits it best (generalised least squares, statistics that do not fit being given less weight) is taken off.

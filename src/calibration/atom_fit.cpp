@@ -68,8 +68,10 @@ AtomFit fit_atoms(const std::vector<float>& brightness, const BrightnessNoise& n
         if (shares[k] > 0) law[n] += shares[k] * parts[k](x);
       sum += law[n];
     }
-    // One value in a thousand may come from something else (a track, a neighbour far away).
-    for (double& value : law) value = 0.999 * value / sum + 0.001 / bins;
+    // A few values may come from something else (a track, a neighbour far away). More of them would be taken
+    // from the lost atoms, which lie between the peaks as well.
+    constexpr double foreign = 1e-4;
+    for (double& value : law) value = (1 - foreign) * value / sum + foreign / bins;
     return law;
   };
   Eigen::VectorXd from(static_cast<Eigen::Index>(parameters));

@@ -407,9 +407,17 @@ class Calibrator {
     }
     brightness_.reserve(frames_.frames() * sites);
     std::vector<double> rest(pixels);
+    // The half of the pixels with less of the sites' light, where motion and brightness noise of the atoms
+    // count least.
+    std::vector<float> sorted(model.site_light.pixels().begin(), model.site_light.pixels().end());
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(pixels / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    std::vector<std::uint8_t> used = odd_pixels();
+    for (std::size_t i = 0; i < pixels; ++i) used[i] = !used[i] && model.site_light.pixels()[i] <= *middle;
     constexpr int blocks = 8;  // of frames, for the error of the photon transfer
     std::vector<std::vector<double>> squares(blocks, std::vector<double>(pixels, 0));
     std::vector<double> block_light(blocks, 0);  // of all sites
+    std::vector<double> block_rest(blocks, 0);   // of the used pixels
     std::size_t visited = 0;
     frames_.visit([&](std::size_t, const CountImage& frame) {
       const auto counts = frame.pixels();
@@ -443,13 +451,13 @@ class Calibrator {
         block_light[static_cast<std::size_t>(block)] += static_cast<double>(brightness_[first + s]);
       for (std::size_t i = 0; i < pixels; ++i) {
         residual_sum[i] += rest[i];
+        if (used[i]) block_rest[static_cast<std::size_t>(block)] += rest[i];
         squares[static_cast<std::size_t>(block)][i] += rest[i] * rest[i];
       }
     });
     const double n = static_cast<double>(light_.frames);
 
-    // Photon transfer over the half of the pixels with less of the sites' light, where motion and brightness
-    // noise of the atoms count least: the variance of the rest against the light.
+    // Photon transfer: the variance of the rest against the light.
     std::vector<double> read(pixels), shot(pixels);
     for (std::size_t i = 0; i < pixels; ++i) {
       const double here = !emccd() && input_.darks ? dark_.variance(i) : noise_ * noise_ + 1.0 / 12;
@@ -458,11 +466,6 @@ class Calibrator {
     }
     read = rest_variance(model, read);
     shot = rest_variance(model, shot);
-    std::vector<float> sorted(model.site_light.pixels().begin(), model.site_light.pixels().end());
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(pixels / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    std::vector<std::uint8_t> used = odd_pixels();
-    for (std::size_t i = 0; i < pixels; ++i) used[i] = !used[i] && model.site_light.pixels()[i] <= *middle;
     std::vector<double> by_block;
     // Atoms that come and go also move the light that the stamps do not hold.
     std::vector<double> changes(sites, 0.0);
@@ -478,14 +481,18 @@ class Calibrator {
     double signal = 0, floor = 0;
     for (std::size_t i = 0; i < pixels; ++i)
       if (used[i]) floor += read[i] + leaks_.rest_variance[i], signal += shot[i];
-    // More atoms in a block, more noise in it.
-    double from_sites = 0, from_all = 0, all_light = 0;
+    // A block with more light has more noise: its variance goes with its own light, or the error comes out
+    // too large.
+    double from_sites = 0, from_all = 0, all_light = 0, all_rest = 0;
     for (std::size_t i = 0; i < pixels; ++i)
       if (used[i]) {
         from_sites += std::max(0.0, light[i] / n) + mean_site_e_ * far[i];
         from_all += std::max(0.0, light[i] / n) + mean_site_e_ * far[i] + background_e_;
+        all_rest += residual_sum[i] / n;
       }
     for (const double value : block_light) all_light += value / n;
+    // What the fit of the sites leaves over is light as well.
+    if (from_all > 0) signal *= 1 + all_rest / from_all;
     double mean = 0, spread = 0;
     for (int block = 0; block < blocks; ++block) {
       double variance = 0, frames = std::floor((n - block - 1) / blocks) + 1;
@@ -493,16 +500,27 @@ class Calibrator {
         const double m = residual_sum[i] / n;
         if (used[i]) variance += (squares[static_cast<std::size_t>(block)][i] / frames - m * m) * n / (n - 1);
       }
-      const double more = all_light > 0 && from_all > 0
-                              ? from_sites / from_all *
-                                    (block_light[static_cast<std::size_t>(block)] / frames / all_light - 1)
-                              : 0;
+      const auto b = static_cast<std::size_t>(block);
+      const double sites_more = all_light > 0 ? from_sites * (block_light[b] / frames / all_light - 1) : 0;
+      const double more =
+          from_all > 0 ? (sites_more + block_rest[b] / frames - all_rest) / (from_all + all_rest) : 0;
       by_block.push_back((variance - floor) / (signal * (1 + more)));
       mean += by_block.back() / blocks;
     }
     for (const double value : by_block) spread += (value - mean) * (value - mean) / (blocks - 1);
+    // All blocks share the dark frames: their noise in the variance and in the light that are taken off.
+    double dark_error = 0;
+    if (!emccd() && input_.darks && signal > 0) {
+      const double darks = std::max(2.0, static_cast<double>(dark_.frames));
+      for (std::size_t i = 0; i < pixels; ++i) {
+        if (!used[i]) continue;
+        const double variance = dark_.variance(i) / (k * k);
+        dark_error += variance * variance * 2 / (darks - 1) / (signal * signal) +
+                      variance / darks * mean * mean / (from_all * from_all);
+      }
+    }
     // In units of the gain so far: 1 if it was right.
-    const double ratio = mean / excess(), ratio_error = std::sqrt(spread / blocks) / excess();
+    const double ratio = mean / excess(), ratio_error = std::sqrt(spread / blocks + dark_error) / excess();
     if (!(ratio > 0.3 && ratio < 3)) {
       const std::string what =
           fmt::format("light varies {:.3g} times as much as {:.3g} counts per electron say", ratio, k);
@@ -521,16 +539,31 @@ class Calibrator {
       const double tail_error = std::max(1e-6, gain_error_ / em_gain_);
       const double a = 1 / (tail_error * tail_error), b = 1 / (ratio_error * ratio_error);
       correction = (a + b * ratio) / (a + b);
-      em_gain_ *= correction;
-      gain_error_ = em_gain_ / std::sqrt(a + b);
-      dark_e_ /= correction;
+      improve_gain(correction, 1 / std::sqrt(a + b));
     } else {
       electrons_per_count_ /= ratio;
       epc_error_ = electrons_per_count_ * ratio_error;
     }
+    share_error_of_background();
     for (float& e : brightness_) e = static_cast<float>(e / correction);
     mean_site_e_ /= correction;
     background_e_ /= correction;
+  }
+
+  /// The background in electrons is a light over the gain, and the gain a variance over nearly the same
+  /// light. Behind an EM register the variance fluctuates with the light, half of whose pixels are in both:
+  /// that much cancels. Noise of the read-out is in the light only and counts twice.
+  void share_error_of_background() {
+    double& error = result_.optics.background_error;
+    if (multiplied()) {
+      error *= std::sqrt(0.5);
+      return;
+    }
+    const double frames = static_cast<double>(light_.frames), read_e = noise_ * electrons_per_count_;
+    const double read =
+        read_e * read_e * (1 / frames + (input_.darks ? 1 / static_cast<double>(dark_.frames) : 0));
+    const double shot = std::max(0.0, background_e_) / frames;
+    error *= std::sqrt(1 + 2 * read / (read + shot + 1e-12));
   }
 
   /// Pixels that are much noisier or brighter in the dark than the others.
@@ -548,8 +581,11 @@ class Calibrator {
     const double variance = middle([&](std::size_t i) { return dark_.variance(i); });
     const double level = middle([&](std::size_t i) { return dark_.mean(i); });
     const double step = emccd() ? 1.0 * counts_per_electron() : 8 * noise_;
+    // Far outside the population's law: a limit within it would leave out what the dark frames took for noisy
+    // and keep what they took for quiet, so that the dark variance of the others came out too small.
+    constexpr double noisy = 10;
     for (std::size_t i = 0; i < pixels; ++i)
-      odd[i] = (!emccd() && dark_.variance(i) > 3 * variance) || dark_.mean(i) > level + step;
+      odd[i] = (!emccd() && dark_.variance(i) > noisy * variance) || dark_.mean(i) > level + step;
     return odd;
   }
 
@@ -659,10 +695,22 @@ class Calibrator {
     const double tail_error = std::max(1e-6, gain_error_ / em_gain_);
     const bool agree = std::fabs(ratio - 1) < 5 * std::hypot(tail_error, ratio_error);
     const double a = agree ? 1 / (tail_error * tail_error) : 0, b = 1 / (ratio_error * ratio_error);
-    const double correction = (a + b * ratio) / (a + b);
-    em_gain_ *= correction;
-    gain_error_ = em_gain_ / std::sqrt(a + b);
-    dark_e_ /= correction;
+    improve_gain((a + b * ratio) / (a + b), 1 / std::sqrt(a + b));
+  }
+
+  /// The gain is known better than from the dark frames' histogram: their events follow as the histogram
+  /// says, which has their number and not only the counts' sum.
+  void improve_gain(double factor, double relative_error) {
+    const double before = gain_error_ / em_gain_, by_gain = result_.counts.events_by_gain;
+    em_gain_ *= factor;
+    gain_error_ = em_gain_ * relative_error;
+    dark_e_ *= std::pow(factor, by_gain);
+    if (result_.counts.events_error.empty()) return;
+    double& error = result_.counts.events_error[0];
+    const double of_gain = by_gain * dark_e_;
+    error = std::sqrt(std::max(
+        0.0, error * error + of_gain * of_gain * (relative_error * relative_error - before * before)));
+    dark_error_ = error;
   }
 
   /// Frames without atoms: the light in them, and with another exposure what does not grow with it.

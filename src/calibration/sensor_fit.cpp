@@ -165,7 +165,10 @@ CountFit fit_counts(const std::vector<CountHistogram>& histograms, bool first_is
   fit.law = law_of(found.values, 0);
   fit.bias_error = std::sqrt(found.covariance(0, 0));
   fit.read_noise_error = fit.law.read_noise_counts * std::sqrt(found.covariance(1, 1));
-  if (gain_free) fit.em_gain_error = fit.law.em_gain * std::sqrt(found.covariance(gain_at, gain_at));
+  if (gain_free) {
+    fit.em_gain_error = fit.law.em_gain * std::sqrt(found.covariance(gain_at, gain_at));
+    fit.events_by_gain = found.covariance(events_at[0], gain_at) / found.covariance(gain_at, gain_at);
+  }
   if (options.serial)
     fit.serial_error = fit.law.serial_events * std::sqrt(found.covariance(serial_at, serial_at));
   for (int h = 0; h < count; ++h) {
@@ -193,11 +196,12 @@ QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
   QcmosDarkFit fit;
   const int rows = darks.sum.rows(), columns = darks.sum.columns();
   const double n = static_cast<double>(darks.frames), pixels = static_cast<double>(rows) * columns;
-  std::vector<double> means, log_variances, variances;
+  std::vector<double> means, log_variances;
   for (std::size_t i = 0; i < darks.sum.pixels().size(); ++i) {
     means.push_back(darks.mean(i));
-    variances.push_back(darks.variance(i));
-    log_variances.push_back(std::log(std::max(1e-6, variances.back())));
+    const double variance = darks.variance(i);
+    // Rounding to whole counts adds the same to all; without it the law of the read noise is log-normal.
+    log_variances.push_back(std::log(std::max({1e-6, 0.02 * variance, variance - 1.0 / 12})));
   }
   fit.bias_counts = median(means);
   // Read noise from the quiet part of the pixels (3 % to 22 %): those that are noisier for a reason of their
@@ -217,7 +221,7 @@ QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
   }
   fit.read_noise_log_sigma = std::sqrt(std::max(0.0, square(width) - chi_variance) / 4);
   const double mean_log = quantile(log_variances, 0.22) - width * (high + skewness / 6 * (high * high - 1));
-  const double sigma_median = std::sqrt(std::max(1e-12, std::exp(mean_log + 1 / degrees) - 1.0 / 12));
+  const double sigma_median = std::exp(0.5 * (mean_log + 1 / degrees));
   fit.read_noise_counts = sigma_median * std::exp(square(fit.read_noise_log_sigma));
   // Error of ln noise = mean_log / 2 + log_sigma^2 from the covariance of the two quantiles.
   constexpr double density_low = 0.06804, density_high = 0.29611;  // of the normal law there

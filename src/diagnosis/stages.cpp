@@ -24,6 +24,27 @@ std::string stage_of_observable(std::string_view observable, bool darks) {
   return found == stages.end() ? "sensor" : std::string(found->second);
 }
 
+namespace {
+
+/// Rows that vary from frame to frame with the shutter open but not with it closed: what reads them out is
+/// the same, so it is the light that flickers while the rows are exposed one after the other.
+bool light_flickers(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, quiet = 4;
+  double rows_in_light = 0, rows_in_darks = 0, largest = 0;
+  bool darks = false;
+  for (std::size_t k = 0; k < battery.size(); ++k) {
+    const double size = std::fabs(z(static_cast<Eigen::Index>(k)));
+    largest = std::max(largest, size);
+    darks |= battery[k].darks;
+    if (battery[k].name.find(".lines.rows.") == std::string::npos) continue;
+    double& rows = battery[k].darks ? rows_in_darks : rows_in_light;
+    rows = std::max(rows, size);
+  }
+  return darks && rows_in_darks < quiet && rows_in_light > std::max(clear, 0.5 * largest);
+}
+
+}  // namespace
+
 std::string stage_of_differences(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
                                  const std::vector<Hypothesis>& hypotheses) {
   std::map<std::string, double> votes = {{"scene", 0}, {"optics", 0}, {"sensor", 0}};
@@ -38,12 +59,13 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   }
   // What shows with the shutter closed is the sensor's.
   if (darks > 0.2 * all && darks > 1) return "sensor";
+  if (light_flickers(battery, z)) return "optics";
   if (!hypotheses.empty()) {
     // The stage of the known effects that come closest, as far as these take anything away.
     double best = 0, share = 0;
     for (const Hypothesis& one : hypotheses)
       if (one.effects.size() == 1 && one.log_evidence > best) best = one.log_evidence, share = one.share;
-    const double trust = 2 * std::max(1.0, all) * std::min(1.0, 2 * share);
+    const double trust = 2 * std::max(1.0, all) * std::pow(std::min(1.0, 2 * share), 2);
     for (const Hypothesis& one : hypotheses)
       if (one.effects.size() == 1 && one.log_evidence > 0)
         votes[stage_of(one.effects.front())] += trust * std::pow(one.log_evidence / best, 4);

@@ -206,6 +206,33 @@ std::vector<double> blurred_image(ImageSamples& samples, const BlurTransfer& blu
   return image_of_spectrum(std::move(spectrum), size);
 }
 
+/// Photons are spread evenly over a cell, which blurs: with the cell's own integral by w^2 / 6 in variance,
+/// per axis. The light is sharpened by as much, where the cells are much finer than the diffraction; none
+/// goes from one level to another.
+void sharpen(std::vector<double>& share, int level, int side) {
+  constexpr double part = 1.0 / 12;  // of the second difference: half of 1 / 6
+  const int hole = level == 0 ? side : side / 3;
+  const auto inner = [&](int n) { return n >= hole && n < side - hole; };
+  const auto grid = std::span(share).subspan(static_cast<std::size_t>(level) * side * side,
+                                             static_cast<std::size_t>(side) * side);
+  const std::vector<double> even(grid.begin(), grid.end());
+  const auto along = [&](int step, int line_step) {
+    for (int line = 0; line < side; ++line)
+      for (int n = 0; n + 1 < side; ++n) {
+        if (inner(line) && inner(n) != inner(n + 1)) continue;
+        const auto at = static_cast<std::size_t>(line * line_step + n * step),
+                   next = at + static_cast<std::size_t>(step);
+        const double moved = part * (even[next] - even[at]);
+        grid[at] -= moved;
+        grid[next] += moved;
+      }
+  };
+  along(1, side);
+  along(side, 1);
+  for (double& value : grid) value = std::max(0.0, value);
+}
+constexpr int sharpened_levels = 2;
+
 }  // namespace
 
 Cells point_spread_cells(const OpticsDescription& optics, Blur blur) {
@@ -227,6 +254,7 @@ Cells point_spread_cells(const OpticsDescription& optics, Blur blur) {
         to[static_cast<std::size_t>(n) * stride] = image[static_cast<std::size_t>(n * size + column)];
     });
   }
+  for (int level = 0; level < sharpened_levels; ++level) sharpen(cells.share, level, side);
   for (int level = 1; level < cell_levels; ++level)
     for (int j = side / 3; j < side - side / 3; ++j)
       for (int i = side / 3; i < side - side / 3; ++i) cells.share[cells.index(level, j, i)] = 0;

@@ -1,0 +1,40 @@
+// The stage that a list of differences speaks for, on lists made by hand.
+#include "diagnosis/stages.hpp"
+
+#include <gtest/gtest.h>
+
+namespace atomcam {
+namespace {
+
+const std::vector<StatisticDeclaration> battery_of_four = {
+    {"light.lines.rows.variance", "row_statistics", "time", "rows", false},
+    {"light.neighbours.dark.right_1", "pixel_correlation", "space", "dark pixels", false},
+    {"light.sites.peak.variance", "site_histogram", "intensity", "occupied sites", false},
+    {"dark.lines.rows.variance", "row_statistics", "time", "rows", true}};
+
+std::string stage_at(double rows, double neighbours, double sites, double dark_rows,
+                     const std::vector<Hypothesis>& hypotheses = {}) {
+  Eigen::VectorXd z(4);
+  z << rows, neighbours, sites, dark_rows;
+  return stage_of_differences(battery_of_four, z, hypotheses);
+}
+
+TEST(Stages, RowsThatChangeInLightOnlyAreTheLights) {
+  EXPECT_EQ(stage_at(40, 20, 0, 0.5), "optics");
+  EXPECT_EQ(stage_at(40, 20, 0, 35), "sensor");  // the read-out: also with the shutter closed
+  EXPECT_EQ(stage_at(5, 20, 0, 0.5), "sensor");  // hardly any rows in it
+  EXPECT_EQ(stage_at(0, 0, 30, 0), "scene");
+}
+
+TEST(Stages, AnEffectSpeaksForItsStageAsFarAsItExplains) {
+  Hypothesis one;
+  one.effects = {"site_brightness_spread"};
+  one.log_evidence = 50;
+  one.share = 0.09;
+  EXPECT_EQ(stage_at(0, 20, 0, 0, {one}), "sensor");
+  one.share = 0.9;
+  EXPECT_EQ(stage_at(0, 20, 0, 0, {one}), "scene");
+}
+
+}  // namespace
+}  // namespace atomcam

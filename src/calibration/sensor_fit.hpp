@@ -22,7 +22,7 @@ struct CountFit {
   double bias_error = 0, read_noise_error = 0, em_gain_error = 0, serial_error = 0;
   std::vector<double> events_error;
   double events_by_gain = -1;  // d ln events_e[0] / d ln em_gain: where they go if the gain is known better
-  double chi_square = 0;  // over bins of at least 10 expected
+  double chi_square = 0;       // over bins of at least 10 expected
   int bins = 0;
 };
 /// One law for all histograms but for their light; the first is of dark frames (no spread of light), the

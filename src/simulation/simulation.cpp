@@ -76,6 +76,10 @@ struct State {
     for (const EffectDeclaration& declaration : effect_catalogue()) {
       const auto found = lab.effects.find(declaration.name);
       if (found == lab.effects.end() || found->second.empty() || found->second.front() == 0) continue;
+      if (found->second.size() != declaration.parameters.size())
+        throw Error(
+            "effects." + declaration.name,
+            fmt::format("has {} values, must have {}", found->second.size(), declaration.parameters.size()));
       auto& list = declaration.plane == Plane::scene               ? scene_effects
                    : declaration.plane == Plane::photons           ? light_effects
                    : declaration.plane == Plane::electrons         ? electron_effects

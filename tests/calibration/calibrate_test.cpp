@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "support/calibration_input.hpp"
 #include "support/rendered.hpp"
 
 namespace atomcam {
@@ -67,11 +68,7 @@ TEST_P(Calibrate, FindsTheLabBehindTheFrames) {
   const Notes notes = rough_notes(GetParam());
   const Lab truth = true_lab(notes);
   const FramesInMemory light(render(truth, 0, 250, true)), darks(render(truth, 1000000, 100, false));
-  CalibrationInput input;
-  input.notes = notes;
-  input.frames = &light;
-  input.darks = &darks;
-  const Calibration found = calibrate(input);
+  const Calibration found = calibrate(input_of(notes, light, &darks));
   ASSERT_TRUE(found.optics.converged);
   EXPECT_LT(found.optics.chi_square, found.optics.degrees_of_freedom * 1.15);
   // Sites to 0.02 px, the corners included.
@@ -106,29 +103,18 @@ INSTANTIATE_TEST_SUITE_P(Cameras, Calibrate, testing::Bool(),
 TEST(CalibrateErrors, SayWhatIsWrong) {
   const Notes notes = rough_notes(true);
   Lab lab = true_lab(notes);
-  const auto problem = [&](const Notes& with, const FrameSequence& frames) -> std::string {
-    CalibrationInput input;
-    input.notes = with;
-    input.frames = &frames;
-    try {
-      calibrate(input);
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return "";
-  };
   const FramesInMemory few(render(lab, 0, 5, true));
-  EXPECT_NE(problem(notes, few).find("too few"), std::string::npos);
+  EXPECT_NE(problem_with(notes, few).find("too few"), std::string::npos);
   const FramesInMemory enough(render(lab, 0, 40, true));
   Notes other = notes;
   other.shape = {64, 64};
-  EXPECT_NE(problem(other, enough).find("shape"), std::string::npos);
+  EXPECT_NE(problem_with(other, enough).find("shape"), std::string::npos);
   other = notes;
   other.grid->first_x_px = 500;
-  EXPECT_NE(problem(other, enough).find("site_grid"), std::string::npos);
+  EXPECT_NE(problem_with(other, enough).find("site_grid"), std::string::npos);
   lab.scene.filling = 0;
   const FramesInMemory empty(render(lab, 0, 40, true));
-  EXPECT_NE(problem(notes, empty).find("no light"), std::string::npos);
+  EXPECT_NE(problem_with(notes, empty).find("no light"), std::string::npos);
 }
 
 }  // namespace

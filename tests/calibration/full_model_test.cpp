@@ -9,6 +9,7 @@
 #include "calibration/calibrate.hpp"
 #include "calibration/stack_frames.hpp"
 #include "data/npy.hpp"
+#include "support/calibration_input.hpp"
 #include "support/rendered.hpp"
 
 namespace atomcam {
@@ -42,10 +43,7 @@ TEST(FullModel, FitsSerialChargeAndTheBrightnessOfSites) {
   truth.layout = sites;
   truth.place_sites();
   const FramesInMemory light(render(truth, 0, 200, true)), darks(render(truth, 100000, 150, false));
-  CalibrationInput input;
-  input.notes = notes;
-  input.frames = &light;
-  input.darks = &darks;
+  CalibrationInput input = input_of(notes, light, &darks);
   input.full = true;
   const Calibration found = calibrate(input);
   EXPECT_NEAR(found.counts.law.serial_events, 0.05, 5 * found.counts.serial_error);
@@ -67,13 +65,10 @@ TEST(FullModel, MapsThePixelsOfAQcmos) {
   auto& sensor = std::get<QcmosDescription>(truth.sensor);
   sensor.offset_sigma_counts = 3;
   sensor.read_noise_log_sigma = 0.2;
-  truth.effects["hot_pixels"] = {0.01, 2000};
+  truth.effects["hot_pixels"] = {0.01, 2000, 1};
   const FramesInMemory light(render(truth, 0, 100, true)), darks(render(truth, 100000, 200, false)),
       again(render(truth, 200000, 200, false));
-  CalibrationInput input;
-  input.notes = notes;
-  input.frames = &light;
-  input.darks = &darks;
+  CalibrationInput input = input_of(notes, light, &darks);
   input.full = true;
   const Calibration found = calibrate(input);
   // A second stack of the same sensor differs from the maps by the errors that they state.
@@ -99,10 +94,7 @@ TEST(Background, TellsLightFromChargeByTwoExposures) {
   empty.scene.filling = 0;
   empty.settings.exposure_s = 4 * notes.exposure_s;
   const FramesInMemory background(render(empty, 300000, 100, true));
-  CalibrationInput input;
-  input.notes = notes;
-  input.frames = &light;
-  input.darks = &darks;
+  CalibrationInput input = input_of(notes, light, &darks);
   input.background = &background;
   input.background_exposure_s = empty.settings.exposure_s;
   const Calibration found = calibrate(input);
@@ -134,23 +126,12 @@ TEST(Flats, GiveTheConversionOfAQcmos) {
 TEST(CalibrateRefuses, WhatCannotBeWhatTheNotesSay) {
   Notes notes = notes_of(CameraKind::emccd);
   Lab lab = lab_of_notes(notes);
-  const auto problem = [&](const Notes& with, const FrameSequence& frames) -> std::string {
-    CalibrationInput input;
-    input.notes = with;
-    input.frames = &frames;
-    try {
-      calibrate(input);
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return "";
-  };
   // Sites where there are no atoms, stray light or not.
   lab.scene.filling = 0;
   for (const auto& [stray, seed] : {std::pair{0.5, 2}, std::pair{2.0, 1}, std::pair{20.0, 1}}) {
     lab.stray_light_photons_per_s = stray;
     lab.seed = static_cast<std::uint64_t>(seed);
-    const std::string said = problem(notes, FramesInMemory(render(lab, 0, 40, true)));
+    const std::string said = problem_with(notes, FramesInMemory(render(lab, 0, 40, true)));
     EXPECT_TRUE(said.find("no light") != std::string::npos ||
                 said.find("shape of sites") != std::string::npos)
         << stray << ' ' << seed << ": '" << said << "'";
@@ -162,11 +143,11 @@ TEST(CalibrateRefuses, WhatCannotBeWhatTheNotesSay) {
   for (CountImage& frame : saturated)
     for (int c = 0; c < 40; ++c)
       for (int r = 0; r < 20; ++r) frame(r, c) = 65535;
-  EXPECT_NE(problem(notes, FramesInMemory(saturated)).find("saturated"), std::string::npos);
+  EXPECT_NE(problem_with(notes, FramesInMemory(saturated)).find("saturated"), std::string::npos);
   Notes other = notes_of(CameraKind::qcmos);
   other.pixel_um = 16;
   other.magnification = 78.125;
-  EXPECT_NE(problem(other, FramesInMemory(frames)).find("another camera"), std::string::npos);
+  EXPECT_NE(problem_with(other, FramesInMemory(frames)).find("another camera"), std::string::npos);
   // Not a number in a stack of floats: file and frame are named.
   const auto file = std::filesystem::temp_directory_path() / "atomcam_calibrate_nan.npy";
   {

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "calibration/calibrate.hpp"
+#include "support/calibration_input.hpp"
 #include "support/rendered.hpp"
 
 namespace atomcam {
@@ -85,16 +86,14 @@ TEST(RoundTrip, ThePapersZernikeTable) {
   const Notes notes = notes_of(true);
   const Lab lab = lab_of(notes);
   const FramesInMemory light(render(lab, 0, 2864, true)), darks(render(lab, 100000, 300, false));
-  CalibrationInput input;
-  input.notes = notes;
-  input.frames = &light;
-  input.darks = &darks;
-  const Calibration found = calibrate(input);
+  const Calibration found = calibrate(input_of(notes, light, &darks));
   for (const auto& [key, truth] : truths(lab, found))
-    for (const CalibratedParameter& one : found.parameters)
-      if (one.key == key)
-        std::printf("%-75s truth %12.6g  found %12.6g +- %.2g  pull %+.1f\n", key.c_str(), truth, one.fitted,
-                    one.error, (one.fitted - truth) / one.error);
+    for (const CalibratedParameter& one : found.parameters) {
+      if (one.key != key) continue;
+      std::printf("%-75s truth %12.6g  found %12.6g +- %.2g  pull %+.1f\n", key.c_str(), truth, one.fitted,
+                  one.error, (one.fitted - truth) / one.error);
+      EXPECT_NEAR(one.fitted, truth, 5 * one.error) << key;
+    }
   for (int term = 3; term < zernike_terms; ++term) {
     const double error = std::sqrt(found.optics.covariance(3 + term, 3 + term));
     EXPECT_NEAR(found.optics.zernike_um[term], paper_zernike[term], 5 * error) << term;
@@ -114,11 +113,7 @@ TEST_P(Pulls, HaveMeanZeroAndWidthOne) {
     lab.seed = 500 + static_cast<std::uint64_t>(k);
     lab.serial = std::to_string(k);
     const FramesInMemory light(render(lab, 0, 150, true)), darks(render(lab, 100000, 60, false));
-    CalibrationInput input;
-    input.notes = notes;
-    input.frames = &light;
-    input.darks = &darks;
-    const Calibration found = calibrate(input);
+    const Calibration found = calibrate(input_of(notes, light, &darks));
     const auto truth = truths(lab, found);
     for (const CalibratedParameter& one : found.parameters)
       if (const auto at = truth.find(one.key); at != truth.end())

@@ -273,5 +273,13 @@ TEST(GivenOccupancies, AreFedShotByShot) {
   EXPECT_TRUE(simulation.render(2).truth.atoms[1].present_at_start);
 }
 
+TEST(Simulation, AnEffectMustHaveAllItsParameters) {
+  Lab lab = small_lab("ixon-ultra-897");
+  lab.effects["hot_pixels"] = {0.01, 2000};
+  EXPECT_THROW(Simulation{lab}, Error);
+  lab.effects["hot_pixels"].push_back(1);
+  EXPECT_NO_THROW(Simulation{lab});
+}
+
 }  // namespace
 }  // namespace atomcam

@@ -146,7 +146,8 @@ class Diagnoser {
     return list;
   }
 
-  std::vector<Scan> scan(const Model& before, const Eigen::MatrixXd& inverse, double from, double to) {
+  std::vector<Scan> scan(const Model& before, const Eigen::MatrixXd& inverse, const Views& real, double from,
+                         double to) {
     std::vector<Scan> scans;
     const auto list = candidates(before, excluded());
     for (std::size_t k = 0; k < list.size(); ++k) {
@@ -157,7 +158,7 @@ class Diagnoser {
       const int stacks = 12 + 3 * static_cast<int>(one.effect->parameters.size());
       explore(one, before, stacks, plan_, numbers_of("scan/" + one.effect->name),
               part(one.effect->name, a, b, stacks));
-      match(one, inverse, before.z);
+      match(one, inverse, real);
       scans.push_back(std::move(one));
     }
     sort(scans);
@@ -165,7 +166,7 @@ class Diagnoser {
   }
   static void sort(std::vector<Scan>& scans) {
     std::sort(scans.begin(), scans.end(),
-              [](const Scan& a, const Scan& b) { return a.log_likelihood > b.log_likelihood; });
+              [](const Scan& a, const Scan& b) { return a.best().log_likelihood > b.best().log_likelihood; });
   }
 
   /// The model with the scan's effect added, about these parameters.
@@ -179,8 +180,8 @@ class Diagnoser {
     for (std::size_t k = 0; k < scan.open.size(); ++k) {
       Uncertain one = scan.open[k];
       one.centre = about(static_cast<Eigen::Index>(k));
-      one.width = std::clamp(scan.width(static_cast<Eigen::Index>(k)), 0.03 * (one.highest - one.lowest),
-                             0.08 * (one.highest - one.lowest));
+      one.width = std::clamp(scan.best().width(static_cast<Eigen::Index>(k)),
+                             0.03 * (one.highest - one.lowest), 0.08 * (one.highest - one.lowest));
       model.open.push_back(std::move(one));
     }
     return model;
@@ -296,7 +297,8 @@ class Diagnoser {
 
   void explain() {
     const Eigen::MatrixXd inverse = plain_.correlation->inverse();
-    scans_ = scan(plain_, inverse, 0.25, 0.5);
+    const Views real = views_of(*plain_.standard, as_vector(real_.whole));
+    scans_ = scan(plain_, inverse, real, 0.25, 0.5);
     std::vector<Scan>& scans = scans_;
     // Closer and closer looks at fewer and fewer.
     double done = 0.5;
@@ -305,31 +307,39 @@ class Diagnoser {
         explore(scans[k], plain_, 8, plan_,
                 numbers_of(fmt::format("look {}/{}", leaders, scans[k].effect->name)),
                 part(scans[k].effect->name, done, done + 0.0035, 8));
-        match(scans[k], inverse, plain_.z);
+        match(scans[k], inverse, real);
       }
       sort(scans);
     }
     for (const Scan& one : scans) {
       Hypothesis seen;
       seen.effects = {one.effect->name};
-      seen.log_evidence = one.log_likelihood;
-      seen.share = one.share;
+      seen.log_evidence = one.best().log_likelihood;
+      seen.share = one.best().share;
       result_.hypotheses.push_back(std::move(seen));
     }
     std::vector<Contender> contenders;
     for (std::size_t k = 0; k < std::min<std::size_t>(6, scans.size()); ++k) {
+      const ScanView& view = scans[k].best();
       // Beyond the first two only what the scan speaks for.
-      if (k > 1 && scans[k].log_likelihood < std::max(0.0, 0.4 * scans[0].log_likelihood - 20)) break;
-      contenders.push_back(
-          {scans[k].effect->name, with(plain_, scans[k], scans[k].best), scans[k].log_likelihood});
+      if (k > 1 && view.log_likelihood < std::max(0.0, 0.4 * scans[0].best().log_likelihood - 20)) break;
+      std::vector<Eigen::VectorXd> places;
+      const auto start_at = [&](const Eigen::VectorXd& place, const char* why) {
+        for (const Eigen::VectorXd& other : places)
+          if (((place - other).cwiseAbs().array() <= view.width.array()).all()) return;
+        places.push_back(place);
+        contenders.push_back(
+            {scans[k].effect->name + why, with(plain_, scans[k], place), view.log_likelihood});
+      };
+      start_at(view.best, "");
       if (k >= 3) continue;
-      // Also from the stack that really came nearest: the emulator may have led elsewhere.
+      // Also where the other view has it, if it speaks for the effect as well, and from the stack that really
+      // came nearest: the emulator may have led elsewhere.
+      const ScanView& other = scans[k].view[1 - scans[k].clearest()];
+      if (other.log_likelihood > 0.8 * view.log_likelihood - 5) start_at(other.best, ", other view");
       Eigen::Index at = 0;
-      scans[k].miss.minCoeff(&at);
-      const Eigen::VectorXd nearest_stack = scans[k].draws.row(at).transpose();
-      if (((nearest_stack - scans[k].best).cwiseAbs().array() > scans[k].width.array()).any())
-        contenders.push_back({scans[k].effect->name + ", nearest", with(plain_, scans[k], nearest_stack),
-                              scans[k].log_likelihood});
+      view.miss.minCoeff(&at);
+      start_at(scans[k].draws.row(at).transpose(), ", nearest");
     }
     std::vector<Model> singles = fit_and_judge(std::move(contenders), 0.58, 0.8);
     if (choose(singles)) return;
@@ -338,7 +348,7 @@ class Diagnoser {
     const auto left_alone =
         std::max_element(singles.begin(), singles.end(),
                          [](const Model& a, const Model& b) { return a.log_likelihood < b.log_likelihood; });
-    const std::vector<PairMatch> matches = match_pairs(scans, 4, plain_.z, plan_.threads);
+    const std::vector<PairMatch> matches = match_pairs(scans, 4, real, plan_.threads);
     std::vector<Contender> candidates;
     for (std::size_t k = 0; k < std::min<std::size_t>(4, matches.size()); ++k) {
       const PairMatch& match = matches[k];
@@ -475,11 +485,13 @@ class Diagnoser {
     const Floor floor(after, ratio);
     gap.floor = floor.at(0.5);
     const auto closed = [&](double from) {
-      return gap.before > from ? std::clamp(1 - (gap.after - from) / (gap.before - from), -1.0, 1.0) : 0;
+      if (gap.before <= from) return gap.after <= from ? 1.0 : 0.0;
+      return std::clamp(1 - (gap.after - from) / (gap.before - from), -1.0, 1.0);
     };
     gap.closed = closed(floor.at(0.5));
-    gap.closed_low = closed(floor.at(0.05));
-    gap.closed_high = closed(floor.at(0.95));
+    const double low = closed(floor.at(0.05)), high = closed(floor.at(0.95));
+    gap.closed_low = std::min({low, gap.closed, high});
+    gap.closed_high = std::max({low, gap.closed, high});
     list_steps(before, fitted);
   }
 
@@ -517,7 +529,7 @@ class Diagnoser {
     for (const Scan& other : scans_)
       for (Hypothesis& one : result_.hypotheses)
         if (&other != &*found && one.effects == std::vector{other.effect->name})
-          one.imitates = imitated(found->predicted, other);
+          one.imitates = imitated(found->best().predicted, other, found->clearest());
   }
 
   void conclude() {

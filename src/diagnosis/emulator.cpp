@@ -58,8 +58,10 @@ Emulator::Emulator(std::vector<Uncertain> open, const Eigen::MatrixXd& draws, co
   amplitude_.resize(p);
   group_.resize(static_cast<std::size_t>(p));
   for (Eigen::Index i = 0; i < p; ++i) {
+    // Most statistics do not know of the effect: what the stacks' own scatter makes by chance is no response.
     const double power = targets.col(i).squaredNorm() / static_cast<double>(n);
-    amplitude_(i) = std::max(0.05, power - 1);
+    const double by_chance = 1.5 * std::sqrt(2 / static_cast<double>(n));
+    amplitude_(i) = std::max(0.01, power - 1 - by_chance);
     const double noise = 1 / amplitude_(i);
     int group = 0;
     while (group < noise_groups - 1 && noise_of_group(group) < noise) ++group;

@@ -68,8 +68,13 @@ Local straight_lines(const Population& population, const std::vector<Uncertain>&
     local.middle(i) = line(0);
     local.noise(i) = std::sqrt((y - design * line).squaredNorm() /
                                static_cast<double>(std::max<Eigen::Index>(1, n - m - 1)));
-    for (Eigen::Index j = 0; j < m; ++j)
-      local.slopes(i, j) = line(j + 1) / open[static_cast<std::size_t>(from + j)].width;
+    // Slopes of hundreds of statistics that do not know of the effect would together weigh more than the few
+    // that do: each is shrunk by what it may be by chance.
+    for (Eigen::Index j = 0; j < m; ++j) {
+      const double chance = 2 * local.noise(i) * std::sqrt(inverse(j + 1, j + 1));
+      const double kept = std::max(0.0, 1 - std::pow(chance / std::max(1e-300, std::fabs(line(j + 1))), 2));
+      local.slopes(i, j) = kept * line(j + 1) / open[static_cast<std::size_t>(from + j)].width;
+    }
   }
   return local;
 }

@@ -33,10 +33,11 @@ Eigen::MatrixXd spread_draws(const std::vector<Uncertain>& open, int stacks, std
 /// is wrong must not keep the search where it is.
 Eigen::MatrixXd near_draws(const Scan& scan, int stacks, std::uint64_t seed, std::uint64_t first) {
   constexpr std::size_t nearest = 3;
-  std::vector<Eigen::Index> order(static_cast<std::size_t>(scan.miss.size()));
+  const ScanView& view = scan.best();
+  std::vector<Eigen::Index> order(static_cast<std::size_t>(view.miss.size()));
   for (std::size_t n = 0; n < order.size(); ++n) order[n] = static_cast<Eigen::Index>(n);
   std::sort(order.begin(), order.end(),
-            [&](Eigen::Index a, Eigen::Index b) { return scan.miss(a) < scan.miss(b); });
+            [&](Eigen::Index a, Eigen::Index b) { return view.miss(a) < view.miss(b); });
   // Kernels shrink as stacks fill the space: by their number per dimension.
   const double share =
       0.6 / std::pow(static_cast<double>(scan.draws.rows()), 1 / static_cast<double>(scan.open.size() + 0.5));
@@ -47,8 +48,8 @@ Eigen::MatrixXd near_draws(const Scan& scan, int stacks, std::uint64_t seed, std
     std::vector<Uncertain> near = scan.open;
     for (std::size_t k = 0; k < near.size(); ++k) {
       const auto at = static_cast<Eigen::Index>(k);
-      near[k].centre = emulated ? scan.best(at) : scan.draws(order[about], at);
-      near[k].width = emulated ? scan.width(at) : share * (near[k].highest - near[k].lowest);
+      near[k].centre = emulated ? view.best(at) : scan.draws(order[about], at);
+      near[k].width = emulated ? view.width(at) : share * (near[k].highest - near[k].lowest);
     }
     draws.row(n) = draw_parameters(near, 1, seed + 17, first + static_cast<std::uint64_t>(n)).row(0);
   }
@@ -72,6 +73,10 @@ Eigen::VectorXd moved_by(const std::vector<Uncertain>& open, Eigen::VectorXd at,
 
 }  // namespace
 
+Views views_of(const Standard& standard, const Eigen::VectorXd& statistics) {
+  return {compressed(standard.judge(statistics)), compressed(standard.judge_recalibrated(statistics))};
+}
+
 std::vector<const EffectDeclaration*> candidates(const Model& before,
                                                  const std::vector<std::string>& excluded) {
   std::vector<const EffectDeclaration*> list;
@@ -94,7 +99,7 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
              const std::function<void(int)>& progress) {
   if (scan.open.empty()) scan.open = effect_prior(*scan.effect);
   Eigen::MatrixXd own;
-  if (!scan.emulator) {
+  if (scan.draws.rows() == 0) {
     own = spread_draws(scan.open, stacks, plan.seed, first);
   } else {
     own = near_draws(scan, stacks, plan.seed, first);
@@ -108,25 +113,28 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
   draws.rightCols(own.cols()) = own;
   all.insert(all.end(), scan.open.begin(), scan.open.end());
   const Population population = simulate_population(before.lab, all, stacks, plan, first, &draws, progress);
-  Eigen::MatrixXd values(stacks, population.whole.cols());
-  for (int n = 0; n < stacks; ++n)
-    values.row(n) = compressed(before.standard->judge(population.whole.row(n).transpose())).transpose();
   const Eigen::Index old = scan.draws.rows();
   scan.draws.conservativeResize(old + stacks, own.cols());
   scan.draws.bottomRows(stacks) = own;
-  scan.values.conservativeResize(old + stacks, values.cols());
-  scan.values.bottomRows(stacks) = values;
-  scan.emulator = std::make_unique<Emulator>(scan.open, scan.draws, scan.values);
+  for (ScanView& view : scan.view) view.values.conservativeResize(old + stacks, population.whole.cols());
+  for (int n = 0; n < stacks; ++n) {
+    const Views seen = views_of(*before.standard, population.whole.row(n).transpose());
+    for (std::size_t v = 0; v < views; ++v) scan.view[v].values.row(old + n) = seen[v].transpose();
+  }
+  for (ScanView& view : scan.view)
+    view.emulator = std::make_unique<Emulator>(scan.open, scan.draws, view.values);
 }
 
-void match(Scan& scan, const Eigen::MatrixXd& inverse, const Eigen::VectorXd& z) {
-  const Eigen::VectorXd real = compressed(z);
-  scan.miss = (scan.values.rowwise() - real.transpose()).rowwise().squaredNorm();
+namespace {
+
+void match_view(ScanView& view, const Scan& scan, const Eigen::MatrixXd& inverse,
+                const Eigen::VectorXd& real) {
+  view.miss = (view.values.rowwise() - real.transpose()).rowwise().squaredNorm();
   const auto dimension = static_cast<Eigen::Index>(scan.open.size());
   const double before_log = -0.5 * real.dot(inverse * real);
   // Expected, as the emulator knows it: what it does not know speaks against a place, never for it.
   const auto evidence = [&](const Eigen::VectorXd& at) {
-    const auto prediction = (*scan.emulator)(at);
+    const auto prediction = (*view.emulator)(at);
     const Eigen::VectorXd miss = real - prediction.mean;
     return -0.5 * miss.dot(inverse * miss) - 0.5 * inverse.diagonal().dot(prediction.variance);
   };
@@ -151,16 +159,16 @@ void match(Scan& scan, const Eigen::MatrixXd& inverse, const Eigen::VectorXd& z)
   }
   const auto top = std::max_element(tried.begin(), tried.end(),
                                     [](const auto& a, const auto& b) { return a.first < b.first; });
-  scan.best = top->second;
-  scan.log_likelihood = top->first - before_log;
-  scan.share = before_log < 0 ? std::clamp(scan.log_likelihood / -before_log, 0.0, 1.0) : 0;
-  scan.predicted = (*scan.emulator)(scan.best).mean;
+  view.best = top->second;
+  view.log_likelihood = top->first - before_log;
+  view.share = before_log < 0 ? std::clamp(view.log_likelihood / -before_log, 0.0, 1.0) : 0;
+  view.predicted = (*view.emulator)(view.best).mean;
   // Widths from how fast the evidence falls.
   Eigen::VectorXd squares = Eigen::VectorXd::Zero(dimension);
   double weights = 0;
   for (const auto& [value, at] : tried) {
     const double weight = std::exp(std::max(-60.0, (value - top->first) / 4));
-    Eigen::VectorXd off = at - scan.best;
+    Eigen::VectorXd off = at - view.best;
     for (Eigen::Index k = 0; k < dimension; ++k) {
       const double cycle = scan.open[static_cast<std::size_t>(k)].cycle;
       if (cycle > 0) off(k) -= cycle * std::round(off(k) / cycle);
@@ -168,12 +176,18 @@ void match(Scan& scan, const Eigen::MatrixXd& inverse, const Eigen::VectorXd& z)
     squares += weight * off.cwiseAbs2();
     weights += weight;
   }
-  scan.width.resize(dimension);
+  view.width.resize(dimension);
   for (Eigen::Index k = 0; k < dimension; ++k) {
     const Uncertain& one = scan.open[static_cast<std::size_t>(k)];
     const double range = one.highest - one.lowest;
-    scan.width(k) = std::clamp(1.5 * std::sqrt(squares(k) / weights), 0.015 * range, 0.25 * range);
+    view.width(k) = std::clamp(1.5 * std::sqrt(squares(k) / weights), 0.015 * range, 0.25 * range);
   }
+}
+
+}  // namespace
+
+void match(Scan& scan, const Eigen::MatrixXd& inverse, const Views& real) {
+  for (std::size_t v = 0; v < views; ++v) match_view(scan.view[v], scan, inverse, real[v]);
 }
 
 namespace {
@@ -189,12 +203,13 @@ Eigen::VectorXd expanded(const Eigen::VectorXd& y) {
 
 }  // namespace
 
-double imitated(const Eigen::VectorXd& fingerprint, const Scan& by) {
+double imitated(const Eigen::VectorXd& fingerprint, const Scan& by, std::size_t view) {
   RandomStream random(1, stream_id("diagnosis/imitated"), 0, 0);
   const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
-  Eigen::VectorXd best = by.best;
+  const Emulator& emulator = *by.view[view].emulator;
+  Eigen::VectorXd best = by.view[view].best;
   const auto left = [&](const Eigen::VectorXd& at) {
-    return (fingerprint - (*by.emulator)(at).mean).squaredNorm();
+    return (fingerprint - emulator(at).mean).squaredNorm();
   };
   double least = left(best);
   const auto attempt = [&](const Eigen::VectorXd& at) {
@@ -208,34 +223,41 @@ double imitated(const Eigen::VectorXd& fingerprint, const Scan& by) {
   return all > 0 ? std::clamp(1 - least / all, 0.0, 1.0) : 0;
 }
 
-std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders,
-                                   const Eigen::VectorXd& z, int threads) {
-  const Eigen::VectorXd real = compressed(z);
-  const auto alone = [&](const Scan& scan) {
-    const auto prediction = (*scan.emulator)(scan.best);
-    return independent(real, prediction.mean, prediction.variance);
+std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders, const Views& all_real,
+                                   int threads) {
+  struct Task {
+    PairMatch pair;
+    std::size_t view;
   };
-  std::vector<PairMatch> pairs;
-  for (std::size_t a = 0; a < std::min(leaders, scans.size()); ++a)
-    for (std::size_t b = 0; b < scans.size(); ++b)
-      if (b > a || b >= leaders)
-        pairs.push_back({.first = a, .second = b, .best_first = {}, .best_second = {}});
-  parallel_for(static_cast<int>(pairs.size()), threads, 1, [&](int n) {
-    PairMatch& pair = pairs[static_cast<std::size_t>(n)];
+  std::vector<Task> tasks;
+  for (std::size_t v = 0; v < views; ++v)
+    for (std::size_t a = 0; a < std::min(leaders, scans.size()); ++a)
+      for (std::size_t b = 0; b < scans.size(); ++b)
+        if (b > a || b >= leaders)
+          tasks.push_back({{.first = a, .second = b, .best_first = {}, .best_second = {}}, v});
+  parallel_for(static_cast<int>(tasks.size()), threads, 1, [&](int n) {
+    auto& [pair, v] = tasks[static_cast<std::size_t>(n)];
+    const Eigen::VectorXd& real = all_real[v];
     const Scan &one = scans[pair.first], &two = scans[pair.second];
+    const ScanView &view_one = one.view[v], &view_two = two.view[v];
     RandomStream random(1, stream_id("diagnosis/pairs"), static_cast<std::uint64_t>(n), 0);
     const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
+    const auto alone = [&](const ScanView& view) {
+      const auto prediction = (*view.emulator)(view.best);
+      return independent(real, prediction.mean, prediction.variance) + 0.5 * real.squaredNorm();
+    };
     const auto evidence = [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
-      const auto first = (*one.emulator)(a), second = (*two.emulator)(b);
+      const auto first = (*view_one.emulator)(a), second = (*view_two.emulator)(b);
       return independent(real, compressed(expanded(first.mean) + expanded(second.mean)),
-                         first.variance + second.variance);
+                         first.variance + second.variance) +
+             0.5 * real.squaredNorm();
     };
     const auto moved = [&](const Scan& scan, const Eigen::VectorXd& at, double step) {
       return moved_by(scan.open, at, step, uniform);
     };
-    pair.best_first = one.best;
-    pair.best_second = two.best;
-    double best = evidence(one.best, two.best);
+    pair.best_first = view_one.best;
+    pair.best_second = view_two.best;
+    double best = evidence(view_one.best, view_two.best);
     const auto attempt = [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
       const double value = evidence(a, b);
       if (value <= best) return;
@@ -245,16 +267,22 @@ std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t l
     };
     for (Eigen::Index k = 0; k < two.draws.rows(); ++k)
       attempt(pair.best_first, two.draws.row(k).transpose());
-    for (int k = 0; k < 80; ++k) attempt(moved(one, pair.best_first, 0.1), moved(two, two.best, 0.7));
+    for (int k = 0; k < 80; ++k) attempt(moved(one, pair.best_first, 0.1), moved(two, view_two.best, 0.7));
     for (const double step : {0.2, 0.08, 0.03})
       for (int k = 0; k < 60; ++k)
         attempt(moved(one, pair.best_first, step), moved(two, pair.best_second, step));
-    pair.gain = best - std::max(alone(one), alone(two));
+    pair.alone = std::max(alone(view_one), alone(view_two));
+    pair.gain = best - pair.alone;
   });
-  std::sort(pairs.begin(), pairs.end(), [&](const PairMatch& a, const PairMatch& b) {
-    return a.gain + std::max(alone(scans[a.first]), alone(scans[a.second])) >
-           b.gain + std::max(alone(scans[b.first]), alone(scans[b.second]));
-  });
+  // Of each pair the view in which it is seen best.
+  std::vector<PairMatch> pairs;
+  const std::size_t count = tasks.size() / views;
+  for (std::size_t n = 0; n < count; ++n) {
+    PairMatch &near = tasks[n].pair, &far = tasks[count + n].pair;
+    pairs.push_back(far.gain + far.alone > near.gain + near.alone ? std::move(far) : std::move(near));
+  }
+  std::sort(pairs.begin(), pairs.end(),
+            [](const PairMatch& a, const PairMatch& b) { return a.gain + a.alone > b.gain + b.alone; });
   return pairs;
 }
 

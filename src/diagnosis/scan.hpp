@@ -2,6 +2,7 @@
 // A first look at every effect: some tens of stacks over its whole range, an emulator through them, and the
 // parameters at which it comes closest to the real stack.
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -12,16 +13,30 @@
 
 namespace atomcam {
 
-struct Scan {
-  const EffectDeclaration* effect = nullptr;
-  std::vector<Uncertain> open;    // the effect's parameters
-  Eigen::MatrixXd draws, values;  // of the effect's parameters; compressed z under the model before
-  Eigen::VectorXd miss;           // squared distance of each stack from the real one
+/// Two ways to look at a stack: with calibration held near the frames' own, and after a calibration that may
+/// go as far as it takes. What calibration takes an effect for in part is only seen the second way, what it
+/// could swallow far from the straight lines only the first.
+inline constexpr std::size_t views = 2;
+using Views = std::array<Eigen::VectorXd, views>;  // compressed z
+Views views_of(const Standard& standard, const Eigen::VectorXd& statistics);
+
+struct ScanView {
+  Eigen::MatrixXd values;  // [stack, statistic] compressed z under the model before
   std::unique_ptr<Emulator> emulator;
+  Eigen::VectorXd miss;         // squared distance of each stack from the real one
   Eigen::VectorXd best, width;  // coordinates
   Eigen::VectorXd predicted;    // compressed z at the best parameters
   double log_likelihood = 0;    // relative to that of the model before: the evidence for the effect
   double share = 0;             // of the misfit of the model before that it takes away
+};
+
+struct Scan {
+  const EffectDeclaration* effect = nullptr;
+  std::vector<Uncertain> open;  // the effect's parameters
+  Eigen::MatrixXd draws;        // [stack, parameter] of the effect
+  std::array<ScanView, views> view;
+  std::size_t clearest() const { return view[1].log_likelihood > view[0].log_likelihood ? 1 : 0; }
+  const ScanView& best() const { return view[clearest()]; }
 };
 
 /// Effects that make sense on this camera and are not excluded, nor in the model already.
@@ -34,22 +49,23 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
              const std::function<void(int)>& progress = {});
 
 /// Parameters that fit best, and the evidence. `inverse`: of the correlations of the model before.
-void match(Scan& scan, const Eigen::MatrixXd& inverse, const Eigen::VectorXd& z);
+void match(Scan& scan, const Eigen::MatrixXd& inverse, const Views& real);
 
 /// How much of an effect's fingerprint (compressed z) another one could pass for with the parameters that
-/// suit it best: 1 minus the square of what is left, over the square of all.
-double imitated(const Eigen::VectorXd& fingerprint, const Scan& by);
+/// suit it best: 1 minus the square of what is left, over the square of all. As seen in `view`.
+double imitated(const Eigen::VectorXd& fingerprint, const Scan& by, std::size_t view);
 
 /// Two effects at once: their deviations taken to add up.
 struct PairMatch {
   std::size_t first = 0, second = 0;  // scans
   Eigen::VectorXd best_first, best_second;
-  double gain = 0;  // in logarithmic likelihood over the better of the two alone
+  double gain = 0;   // in logarithmic likelihood over the better of the two alone
+  double alone = 0;  // of the better one over neither
 };
 
 /// All pairs of one of the first `leaders` scans with any other, the most promising first. No correlations
 /// between statistics: a quick look, without simulation.
-std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders,
-                                   const Eigen::VectorXd& z, int threads);
+std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders, const Views& real,
+                                   int threads);
 
 }  // namespace atomcam

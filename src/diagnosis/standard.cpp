@@ -14,6 +14,7 @@ constexpr int folds = 10;
 constexpr double largest_z = 1e4;
 constexpr double ordinary = 4;  // deviations that a model's own stacks have now and then
 constexpr double still = 0.35;
+constexpr double far_reach = 20;  // widths
 
 std::vector<double> finite_column(const Eigen::MatrixXd& matrix, Eigen::Index column) {
   std::vector<double> values;
@@ -103,7 +104,7 @@ Eigen::VectorXd Standard::scaled(const Fit& fit, const Eigen::VectorXd& statisti
 }
 
 Eigen::VectorXd Standard::deltas(const Fit& fit, const Eigen::VectorXd& z,
-                                 const Eigen::VectorXd& known_values) const {
+                                 const Eigen::VectorXd& known_values, double reach) const {
   Eigen::VectorXd delta = Eigen::VectorXd::Zero(fit.draw_mean.size());
   const auto put_known = [&] {
     for (std::size_t k = 0; k < known_.size(); ++k) {
@@ -116,7 +117,7 @@ Eigen::VectorXd Standard::deltas(const Fit& fit, const Eigen::VectorXd& z,
   for (int round = 0; round < 5; ++round) {
     const Eigen::VectorXd rest = z - fit.slope * delta;
     delta += fit.estimator * rest.cwiseMax(-winsor).cwiseMin(winsor);
-    delta = delta.cwiseMax(-reach_).cwiseMin(reach_);
+    delta = delta.cwiseMax(-reach).cwiseMin(reach);
     put_known();
   }
   return delta;
@@ -145,7 +146,7 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
       for (std::size_t j = 0; j < known_.size(); ++j)
         given(static_cast<Eigen::Index>(j)) = population.draws(k, known_[j]);
       const Eigen::VectorXd z = scaled(without, statistics.row(k).transpose());
-      const Eigen::VectorXd delta = deltas(without, z, given);
+      const Eigen::VectorXd delta = deltas(without, z, given, reach_);
       own_.row(k) = (z - without.slope * delta).transpose();
       for (Eigen::Index i = 0; i < p; ++i)
         if (!std::isfinite(statistics(k, i)) || without.spread(i) <= 0) own_(k, i) = 0;
@@ -192,8 +193,17 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
 
 Eigen::VectorXd Standard::judge(const Eigen::VectorXd& statistics,
                                 const Eigen::VectorXd& known_values) const {
+  return judge(statistics, known_values, reach_);
+}
+
+Eigen::VectorXd Standard::judge_recalibrated(const Eigen::VectorXd& statistics) const {
+  return judge(statistics, {}, far_reach);
+}
+
+Eigen::VectorXd Standard::judge(const Eigen::VectorXd& statistics, const Eigen::VectorXd& known_values,
+                                double reach) const {
   const Eigen::VectorXd z = scaled(fit_, statistics);
-  Eigen::VectorXd rest = z - fit_.slope * deltas(fit_, z, known_values);
+  Eigen::VectorXd rest = z - fit_.slope * deltas(fit_, z, known_values, reach);
   for (Eigen::Index i = 0; i < rest.size(); ++i) {
     const double limit = erratic_[static_cast<std::size_t>(i)] ? ordinary : largest_z;
     rest(i) = deviation_(i) > 0 && std::isfinite(statistics(i))
@@ -222,7 +232,7 @@ Eigen::MatrixXd Standard::slopes() const {
 }
 
 Eigen::VectorXd Standard::estimate(const Eigen::VectorXd& statistics) const {
-  return fit_.draw_mean + deltas(fit_, scaled(fit_, statistics), {}).cwiseProduct(fit_.draw_spread);
+  return fit_.draw_mean + deltas(fit_, scaled(fit_, statistics), {}, reach_).cwiseProduct(fit_.draw_spread);
 }
 
 NullDistribution::NullDistribution(std::vector<double> samples) : sorted_(std::move(samples)) {

@@ -33,6 +33,9 @@ class Standard {
   /// Residuals in standard deviations, one per statistic (0 where it cannot be said). `known_values`: of the
   /// known columns, coordinates.
   Eigen::VectorXd judge(const Eigen::VectorXd& statistics, const Eigen::VectorXd& known_values = {}) const;
+  /// The same for a stack whose calibration would come out elsewhere (with an effect that looks in part like
+  /// a parameter of it): parameters may go as far as it takes, along straight lines.
+  Eigen::VectorXd judge_recalibrated(const Eigen::VectorXd& statistics) const;
   /// The same residuals with the discrepancy counted as scatter.
   Eigen::VectorXd tolerated(const Eigen::VectorXd& z) const;
   /// Residuals of the population's own stacks, each judged by a standard made without it (ten folds).
@@ -58,7 +61,10 @@ class Standard {
   };
   Fit fit(const Eigen::MatrixXd& statistics, const Eigen::MatrixXd& draws) const;
   Eigen::VectorXd scaled(const Fit& fit, const Eigen::VectorXd& statistics) const;
-  Eigen::VectorXd deltas(const Fit& fit, const Eigen::VectorXd& z, const Eigen::VectorXd& known_values) const;
+  Eigen::VectorXd deltas(const Fit& fit, const Eigen::VectorXd& z, const Eigen::VectorXd& known_values,
+                         double reach) const;
+  Eigen::VectorXd judge(const Eigen::VectorXd& statistics, const Eigen::VectorXd& known_values,
+                        double reach) const;
 
   std::vector<Eigen::Index> known_;
   Eigen::VectorXd discrepancy_;

@@ -1,0 +1,62 @@
+// How stacks are judged, on a population made by hand: statistics that follow two parameters along straight
+// lines.
+#include "diagnosis/standard.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace atomcam {
+namespace {
+
+constexpr Eigen::Index stacks = 200, statistics = 30, parameters = 2;
+
+struct Lines {
+  Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(statistics, parameters);
+  std::mt19937 random{7};
+  std::normal_distribution<double> normal;
+
+  Lines() {
+    for (Eigen::Index i = 0; i < 10; ++i) slopes(i, 0) = 1 + 0.1 * static_cast<double>(i);
+    for (Eigen::Index i = 8; i < 16; ++i) slopes(i, 1) = 2;
+  }
+  Eigen::VectorXd stack(const Eigen::VectorXd& at) {
+    Eigen::VectorXd values = slopes * at;
+    for (double& value : values) value += normal(random);
+    return values;
+  }
+  Population population() {
+    Population made;
+    made.draws.resize(stacks, parameters);
+    made.whole.resize(stacks, statistics);
+    for (Eigen::Index n = 0; n < stacks; ++n) {
+      for (Eigen::Index j = 0; j < parameters; ++j) made.draws(n, j) = normal(random);
+      made.whole.row(n) = stack(made.draws.row(n).transpose()).transpose();
+    }
+    return made;
+  }
+};
+
+TEST(Standard, TakesOffWhatAParameterExplains) {
+  Lines lines;
+  const Standard standard(lines.population(), Part::whole);
+  const Eigen::VectorXd z = standard.judge(lines.stack(Eigen::Vector2d(1.5, -1)));
+  EXPECT_LT(z.cwiseAbs().maxCoeff(), 4);
+  EXPECT_NEAR(standard.estimate(lines.stack(Eigen::Vector2d(1.5, -1)))(0), 1.5,
+              5 * standard.estimate_error()(0));
+}
+
+// A parameter far off is a gap for the frames that were calibrated, but not for an effect's stack that would
+// have been calibrated elsewhere; what no parameter does is one for both.
+TEST(Standard, FollowsAStackThatCalibratesElsewhere) {
+  Lines lines;
+  const Standard standard(lines.population(), Part::whole);
+  Eigen::VectorXd far = lines.stack(Eigen::Vector2d(10, 0));
+  EXPECT_GT(standard.judge(far).cwiseAbs().maxCoeff(), 6);
+  EXPECT_LT(standard.judge_recalibrated(far).cwiseAbs().maxCoeff(), 4);
+  far(25) += 9;
+  EXPECT_NEAR(standard.judge_recalibrated(far)(25), 9, 3);
+}
+
+}  // namespace
+}  // namespace atomcam

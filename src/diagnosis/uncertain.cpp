@@ -179,11 +179,14 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect) {
     Uncertain one;
     one.name = "effects." + effect.name + "." + p.key;
     const bool strength = k == 0;
-    const bool logarithmic = strength || p.scale == ParameterScale::logarithmic;
+    // A second size in the strength's own unit: its order of magnitude is as unknown.
+    const ParameterDeclaration& first = effect.parameters.front();
+    const bool size = !strength && p.minimum == 0 && p.unit == first.unit && p.unit != "1";
+    const bool logarithmic = strength || size || p.scale == ParameterScale::logarithmic;
     double low = p.minimum, high = p.maximum;
-    if (strength) {
-      low = std::max(p.minimum, p.default_value / 20);
-      high = std::min(p.maximum, p.default_value * 30);
+    if (strength || size) {
+      low = std::max(p.minimum, first.default_value / 20);
+      high = std::min(p.maximum, first.default_value * 30);
     } else if (logarithmic) {
       low = std::max(p.minimum, p.default_value / 20);
       high = std::min(p.maximum, p.default_value * 20);

@@ -70,6 +70,10 @@ class Effect {
   virtual void apply_to_scene(SceneFrame&, const FrameContext&) const {}
   virtual void apply_to_light(LightField&, const FrameContext&) const {}
   virtual void apply_to_electrons(ElectronImage&, const FrameContext&) const {}
+  /// Electrons plane, after all of its effects: one row of what the pixels held, as it is read (behind the
+  /// register of an EMCCD), and all that is held.
+  virtual void apply_to_voltages(int /*row*/, std::span<float> /*output_e*/, const ElectronImage& /*held*/,
+                                 const FrameContext&) const {}
   /// One row at the end of the EM register (or of the pixels, for a qCMOS), in electrons.
   virtual void apply_to_register(int /*row*/, std::span<float> /*output_e*/, const Sensor::Readout&,
                                  const FrameContext&) const {}
@@ -86,6 +90,7 @@ struct EffectDeclaration {
   std::vector<std::string> observables;          // names of base/observable.hpp it moves
   bool emccd = true;                             // cameras it makes sense on
   bool qcmos = true;
+  bool acts_on_light = false;  // also, beside its own plane: apply_to_light
   std::unique_ptr<Effect> (*make)(const ParameterValues& values) = nullptr;
 
   std::string_view stage() const;

@@ -5,10 +5,12 @@ namespace {
 
 class PixelCrosstalk : public Effect {
  public:
-  explicit PixelCrosstalk(const ParameterValues& values) : fraction_(values[0]) {}
+  explicit PixelCrosstalk(const ParameterValues& values) : fraction_(values[0]), coupled_(values[1]) {}
 
   void apply_to_electrons(ElectronImage& electrons, const FrameContext& context) const override {
-    const BinomialLaw leaves(fraction_);
+    const double diffusing = couples(context) ? fraction_ * (1 - coupled_) : fraction_;
+    if (diffusing == 0) return;
+    const BinomialLaw leaves(diffusing);
     static const BinomialLaw goes_here[] = {BinomialLaw(1.0 / 4), BinomialLaw(1.0 / 3), BinomialLaw(1.0 / 2),
                                             BinomialLaw(1)};
     const int rows = electrons.rows(), columns = electrons.columns();
@@ -42,8 +44,30 @@ class PixelCrosstalk : public Effect {
     }
   }
 
+  /// Every pixel's voltage drags its neighbours' along: shot noise and all, so that neighbours correlate.
+  void apply_to_voltages(int row, std::span<float> output_e, const ElectronImage& held,
+                         const FrameContext& context) const override {
+    if (!couples(context)) return;
+    const auto part = static_cast<float>(fraction_ * coupled_);
+    const int last = held.rows() - 1, columns = held.columns();
+    const auto own = held.row(row), above = held.row(std::max(0, row - 1)),
+               below = held.row(std::min(last, row + 1));
+    for (int c = 0; c < columns; ++c) {
+      const auto at = static_cast<std::size_t>(c), left = static_cast<std::size_t>(std::max(0, c - 1)),
+                 right = static_cast<std::size_t>(std::min(columns - 1, c + 1));
+      const std::int32_t around = above[at] + below[at] + own[left] + own[right];
+      output_e[at] += part * (0.25f * static_cast<float>(around) - static_cast<float>(own[at]));
+    }
+  }
+
  private:
+  /// A CCD's charge leaves its pixel before it becomes a voltage.
+  bool couples(const FrameContext& context) const {
+    return coupled_ > 0 && context.sensor->kind() == CameraKind::qcmos;
+  }
+
   double fraction_;
+  double coupled_;
 };
 
 }  // namespace
@@ -52,16 +76,25 @@ EffectDeclaration pixel_crosstalk() {
   return {
       .name = "pixel_crosstalk",
       .plane = Plane::electrons,
-      .summary = "Charge diffuses into the four neighbouring pixels.",
-      .reference = "Charge diffusion in back-illuminated sensors: 0.5-3 %",
-      .parameters =
-          {{.key = "fraction",
-            .unit = "1",
-            .minimum = 0,
-            .maximum = 0.5,
-            .default_value = 0.02,
-            .scale = ParameterScale::linear,
-            .meaning = "Probability that an electron is collected in a neighbour, a quarter on each side."}},
+      .summary = "Charge diffuses into the four neighbouring pixels, or their voltages couple.",
+      .reference = "Charge diffusion in back-illuminated sensors: 0.5-3 %; interpixel capacitance (CMOS)",
+      .parameters = {{.key = "fraction",
+                      .unit = "1",
+                      .minimum = 0,
+                      .maximum = 0.5,
+                      .default_value = 0.02,
+                      .scale = ParameterScale::linear,
+                      .meaning =
+                          "Part of the light that shows up in the neighbours, a quarter on each side."},
+                     {.key = "coupled_share",
+                      .unit = "1",
+                      .minimum = 0,
+                      .maximum = 1,
+                      .default_value = 0,
+                      .scale = ParameterScale::linear,
+                      .meaning =
+                          "Share that the pixels' capacitance couples after the shot noise, which correlates "
+                          "neighbours; the rest diffuses as charge. A qCMOS only: a CCD's is all charge."}},
       .observables = {"point_spread_width"},
       .emccd = true,
       .qcmos = true,

@@ -86,6 +86,8 @@ struct State {
                    : declaration.plane == Plane::electron_register ? register_effects
                                                                    : count_effects;
       list.push_back({&declaration, declaration.make(found->second)});
+      if (declaration.acts_on_light && &list != &light_effects)
+        light_effects.push_back({&declaration, declaration.make(found->second)});
     }
   }
 
@@ -259,6 +261,8 @@ class Exposure {
       else
         readout_->collect(row, electrons);
       readout_->multiply(row, electrons, output_e);
+      for (const ActiveEffect& active : state_.electron_effects)
+        active.effect->apply_to_voltages(row, output_e, collected, context(active));
       for (const ActiveEffect& active : state_.register_effects)
         active.effect->apply_to_register(row, output_e, *readout_, context(active));
       readout_->amplify(row, output_e, analog_counts);

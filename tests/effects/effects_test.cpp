@@ -211,6 +211,32 @@ TEST(SceneEffects, BlinkingTakesItsShareOfTheLight) {
   EXPECT_NEAR(share.mean(), 0.7, 5 * share.mean_error());
 }
 
+// The spread of the response is that of sensitivity and of gain together, whatever the share.
+TEST(CountEffects, ResponseSpreadsInSensitivityAndGain) {
+  const Stage stage;
+  for (const double share : {0.0, 0.3, 1.0}) {
+    const auto effect = make("pixel_response_nonuniformity", {0.05, share});
+    const FrameContext context = stage.context("pixel_response_nonuniformity", 0);
+    LightField light;
+    effect->apply_to_light(light, context);
+    EXPECT_EQ(light.response_ratio == nullptr, share == 1);
+    Moments sensitivity, gain, both;
+    for (int row = 0; row < 128; ++row) {
+      std::vector<float> counts(128, static_cast<float>(stage.settings.bias_counts) + 1000);
+      effect->apply_to_counts(row, counts, context);
+      for (int c = 0; c < 128; ++c) {
+        const double seen = light.response_ratio ? static_cast<double>((*light.response_ratio)(row, c)) : 1;
+        const double read = (static_cast<double>(counts[c]) - stage.settings.bias_counts) / 1000;
+        sensitivity.add(seen), gain.add(read), both.add(seen * read);
+      }
+    }
+    const double error = 5 / std::sqrt(2 * 128.0 * 128);
+    EXPECT_NEAR(std::sqrt(both.variance()), 0.05, 0.05 * (error + 0.002)) << share;
+    EXPECT_NEAR(std::sqrt(gain.variance()), 0.05 * std::sqrt(share), 0.05 * error) << share;
+    EXPECT_NEAR(std::sqrt(sensitivity.variance()), 0.05 * std::sqrt(1 - share), 0.05 * error) << share;
+  }
+}
+
 TEST(ElectronEffects, CrosstalkKeepsEveryElectron) {
   const Stage stage;
   ElectronImage image({128, 128});
@@ -221,6 +247,47 @@ TEST(ElectronEffects, CrosstalkKeepsEveryElectron) {
   EXPECT_EQ(total, 100000);
   EXPECT_NEAR(image(64, 64), 90000, 5 * std::sqrt(100000 * 0.1 * 0.9));
   EXPECT_NEAR(image(63, 64), 2500, 5 * std::sqrt(2500.0));
+}
+
+// Coupled voltages keep the light and correlate the noise: of k in four neighbours, 2 k / 4 (1 - k) of the
+// variance; diffusing charge correlates nothing.
+TEST(ElectronEffects, CoupledPixelsOfAQcmosCorrelate) {
+  Stage stage;
+  QcmosDescription description;
+  description.shape = {128, 128};
+  ReadoutMode mode;
+  mode.electrons_per_count = 0.1;
+  mode.read_noise_e = 0.4;
+  description.readout_modes.push_back(mode);
+  const auto ccd = stage.sensor;
+  stage.sensor = make_qcmos(description, "test");
+  ElectronImage held({128, 128});
+  RandomStream random(3, stream_id("held"), 0, 0);
+  for (std::int32_t& electrons : held.pixels()) electrons = static_cast<std::int32_t>(random() % 1000);
+  constexpr double k = 0.2, variance = 1000.0 * 1000 / 12, pixels = 128 * 128;
+  const auto neighbours = [&](double share) {
+    const auto effect = make("pixel_crosstalk", {k, share});
+    const FrameContext context = stage.context("pixel_crosstalk", 0);
+    ElectronImage image = held;
+    effect->apply_to_electrons(image, context);
+    double product = 0, sum = 0, before = 0;
+    for (int row = 0; row < 128; ++row) {
+      std::vector<float> output(image.row(row).begin(), image.row(row).end());
+      effect->apply_to_voltages(row, output, image, context);
+      for (int c = 0; c + 1 < 128; ++c)
+        product += (static_cast<double>(output[c]) - 499.5) * (static_cast<double>(output[c + 1]) - 499.5);
+      for (int c = 0; c < 128; ++c) sum += static_cast<double>(output[c]), before += held(row, c);
+    }
+    EXPECT_NEAR(sum, before, 1) << share;
+    return product / (127 * 128);
+  };
+  const double error = variance / std::sqrt(pixels);
+  EXPECT_NEAR(neighbours(1), 2 * k / 4 * (1 - k) * variance, 5 * error);
+  stage.sensor = ccd;  // its register is behind: nothing couples, all diffuses
+  const auto effect = make("pixel_crosstalk", {k, 1});
+  std::vector<float> output(128, 7);
+  effect->apply_to_voltages(5, output, held, stage.context("pixel_crosstalk", 0));
+  EXPECT_EQ(output, std::vector<float>(128, 7));
 }
 
 TEST(ElectronEffects, HotPixelsCosmicRaysLagAndSmearHaveTheirMeans) {
@@ -265,6 +332,13 @@ TEST(ElectronEffects, HotPixelsCosmicRaysLagAndSmearHaveTheirMeans) {
   }
   EXPECT_NEAR(static_cast<double>(column), 128 * each, 5 * std::sqrt(128 * each));
   EXPECT_EQ(elsewhere, 0);
+  // To one side only.
+  ElectronImage bright({128, 128});
+  bright(60, 10) = 1000000;
+  make("frame_transfer_smear", {100, 1})
+      ->apply_to_electrons(bright, stage.context("frame_transfer_smear", 0));
+  EXPECT_GT(bright(20, 10), 0);
+  EXPECT_EQ(bright(90, 10), 0);
 }
 
 TEST(RegisterEffects, TheTailHoldsWhatIsLeftBehind) {

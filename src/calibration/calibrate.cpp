@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "base/error.hpp"
+#include "base/quantile.hpp"
 #include "calibration/parameter_table.hpp"
 #include "calibration/site_model.hpp"
 #include "calibration/stack_check.hpp"
@@ -216,7 +217,6 @@ class Calibrator {
         else
           result_.lab.effects.erase("serial_cic");
       }
-      dark_error_ = result_.counts.events_error[0];
     } else {
       result_.dark_maps = fit_qcmos_darks(input_.darks ? dark_ : light_);
       const double dark_counts = notes_.dark_e_per_s * notes_.exposure_s / electrons_per_count_;
@@ -409,11 +409,11 @@ class Calibrator {
     std::vector<double> rest(pixels);
     // The half of the pixels with less of the sites' light, where motion and brightness noise of the atoms
     // count least.
-    std::vector<float> sorted(model.site_light.pixels().begin(), model.site_light.pixels().end());
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(pixels / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
+    const auto site_light = model.site_light.pixels();
+    const double middle = median({site_light.begin(), site_light.end()});
     std::vector<std::uint8_t> used = odd_pixels();
-    for (std::size_t i = 0; i < pixels; ++i) used[i] = !used[i] && model.site_light.pixels()[i] <= *middle;
+    for (std::size_t i = 0; i < pixels; ++i)
+      used[i] = !used[i] && static_cast<double>(site_light[i]) <= middle;
     constexpr int blocks = 8;  // of frames, for the error of the photon transfer
     std::vector<std::vector<double>> squares(blocks, std::vector<double>(pixels, 0));
     std::vector<double> block_light(blocks, 0);  // of all sites
@@ -571,15 +571,7 @@ class Calibrator {
     const std::size_t pixels = light_.sum.pixels().size();
     std::vector<std::uint8_t> odd(pixels, 0);
     if (!input_.darks) return odd;
-    const auto middle = [&](auto value) {
-      std::vector<double> values(pixels);
-      for (std::size_t i = 0; i < pixels; ++i) values[i] = value(i);
-      std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(pixels / 2),
-                       values.end());
-      return values[pixels / 2];
-    };
-    const double variance = middle([&](std::size_t i) { return dark_.variance(i); });
-    const double level = middle([&](std::size_t i) { return dark_.mean(i); });
+    const double variance = dark_.median_variance(), level = dark_.median_mean();
     const double step = emccd() ? 1.0 * counts_per_electron() : 8 * noise_;
     // Far outside the population's law: a limit within it would leave out what the dark frames took for noisy
     // and keep what they took for quiet, so that the dark variance of the others came out too small.
@@ -710,7 +702,10 @@ class Calibrator {
     const double of_gain = by_gain * dark_e_;
     error = std::sqrt(std::max(
         0.0, error * error + of_gain * of_gain * (relative_error * relative_error - before * before)));
-    dark_error_ = error;
+  }
+  /// Of the dark events; a qCMOS has them from the notes.
+  double dark_error() const {
+    return result_.counts.events_error.empty() ? 0 : result_.counts.events_error[0];
   }
 
   /// Frames without atoms: the light in them, and with another exposure what does not grow with it.
@@ -743,12 +738,12 @@ class Calibrator {
         input_.background_exposure_s > 0 ? input_.background_exposure_s : notes_.exposure_s;
     if (std::fabs(exposure - notes_.exposure_s) < 1e-9) {
       background_e_ = std::max(0.0, level - dark_e_);
-      result_.background_error = std::hypot(error, dark_error_);
+      result_.background_error = std::hypot(error, dark_error());
       return;
     }
     const double of_frames = dark_e_ + background_e_;
     const double frames_error =
-        std::hypot(result_.has_sites ? result_.optics.background_error : 0, dark_error_);
+        std::hypot(result_.has_sites ? result_.optics.background_error : 0, dark_error());
     const double apart = notes_.exposure_s - exposure;
     ExposureSplit split;
     split.rate_e_per_s = (of_frames - level) / apart;
@@ -816,18 +811,14 @@ class Calibrator {
     for (auto* map : {&maps.offset, &maps.offset_error, &maps.noise, &maps.noise_error})
       *map = Image<double, unit::counts>(shape);
     const double n = static_cast<double>(dark_.frames);
-    std::vector<double> offsets;
     for (std::size_t i = 0; i < shape.pixels(); ++i) {
       const double variance = dark_.variance(i), noise = std::sqrt(variance);
       maps.offset.pixels()[i] = dark_.mean(i);
       maps.offset_error.pixels()[i] = noise / std::sqrt(n);
       maps.noise.pixels()[i] = noise;
       maps.noise_error.pixels()[i] = noise / std::sqrt(2 * (n - 1));
-      offsets.push_back(dark_.mean(i));
     }
-    std::nth_element(offsets.begin(), offsets.begin() + static_cast<std::ptrdiff_t>(offsets.size() / 2),
-                     offsets.end());
-    const double middle = offsets[offsets.size() / 2];
+    const double middle = dark_.median_mean();
     const std::vector<std::uint8_t> odd = odd_pixels();
     for (std::size_t i = 0; i < odd.size(); ++i)
       if (odd[i])
@@ -881,7 +872,7 @@ class Calibrator {
   Leakage leaks_;
   double bias_ = 0, noise_ = 1, em_gain_ = 1, electrons_per_count_ = 1, dark_e_ = 0, background_e_ = 0,
          atom_e_ = 0, mean_site_e_ = 0;
-  double bias_error_ = 0, noise_error_ = 0, gain_error_ = 0, dark_error_ = 0, epc_error_ = 0;
+  double bias_error_ = 0, noise_error_ = 0, gain_error_ = 0, epc_error_ = 0;
 };
 
 }  // namespace

@@ -31,6 +31,18 @@ double StackSums::variance(std::size_t pixel) const {
   return n < 2 ? 0 : std::max(0.0, (sum_of_squares.pixels()[pixel] - n * m * m) / (n - 1));
 }
 
+double StackSums::median_mean() const {
+  std::vector<double> values(sum.pixels().size());
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = mean(i);
+  return median(std::move(values));
+}
+
+double StackSums::median_variance() const {
+  std::vector<double> values(sum.pixels().size());
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = variance(i);
+  return median(std::move(values));
+}
+
 StackSums sum_stack(const FrameSequence& frames) {
   StackSums sums;
   sums.sum = Image<double, unit::counts>(frames.shape());

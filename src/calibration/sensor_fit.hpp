@@ -39,6 +39,8 @@ struct StackSums {
   std::vector<double> frame_mean;
   double mean(std::size_t pixel) const { return sum.pixels()[pixel] / static_cast<double>(frames); }
   double variance(std::size_t pixel) const;  // unbiased, over time
+  double median_mean() const;                // over the pixels
+  double median_variance() const;
 };
 StackSums sum_stack(const FrameSequence& frames);
 

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "base/error.hpp"
-#include "base/quantile.hpp"
 
 namespace atomcam {
 namespace {
@@ -23,14 +22,6 @@ std::size_t quantile(const std::vector<std::uint64_t>& occurrences, double share
     if (sum > share * all) return c;
   }
   return occurrences.size() - 1;
-}
-
-/// Median over all pixels of what value(pixel) gives.
-template <class Value>
-double median_pixel(const StackSums& sums, const Value& value) {
-  std::vector<double> values(sums.sum.pixels().size());
-  for (std::size_t i = 0; i < values.size(); ++i) values[i] = value(i);
-  return median(std::move(values));
 }
 
 void check_clipping(const StackSums& sums, std::string_view place) {
@@ -75,11 +66,8 @@ void check_stack(const StackSums& sums, std::string_view place) {
 
 void check_darks(const StackSums& darks, const StackSums& light) {
   constexpr double drift = 10;  // noises of a pixel
-  const auto level = [](const StackSums& sums) {
-    return median_pixel(sums, [&](std::size_t i) { return sums.mean(i); });
-  };
-  const double dark = level(darks), lit = level(light);
-  const double noise = std::sqrt(median_pixel(darks, [&](std::size_t i) { return darks.variance(i); }));
+  const double dark = darks.median_mean(), lit = light.median_mean();
+  const double noise = std::sqrt(darks.median_variance());
   if (dark > lit + drift * std::max(1.0, noise))
     throw Error("darks",
                 fmt::format("have {:.1f} counts in the median pixel, the frames {:.1f}: frames of the closed "

@@ -146,8 +146,8 @@ class Diagnoser {
     return list;
   }
 
-  std::vector<Scan> scan(const Model& before, const Eigen::MatrixXd& inverse, const Views& real, double from,
-                         double to) {
+  std::vector<Scan> scan(const Model& before, const Eigen::MatrixXd& inverse, const ScanViews& real,
+                         double from, double to) {
     std::vector<Scan> scans;
     const auto list = candidates(before, excluded());
     for (std::size_t k = 0; k < list.size(); ++k) {
@@ -297,7 +297,7 @@ class Diagnoser {
 
   void explain() {
     const Eigen::MatrixXd inverse = plain_.correlation->inverse();
-    const Views real = views_of(*plain_.standard, as_vector(real_.whole));
+    const ScanViews real = views_of(*plain_.standard, as_vector(real_.whole));
     scans_ = scan(plain_, inverse, real, 0.25, 0.5);
     std::vector<Scan>& scans = scans_;
     // Closer and closer looks at fewer and fewer.

@@ -73,7 +73,7 @@ Eigen::VectorXd moved_by(const std::vector<Uncertain>& open, Eigen::VectorXd at,
 
 }  // namespace
 
-Views views_of(const Standard& standard, const Eigen::VectorXd& statistics) {
+ScanViews views_of(const Standard& standard, const Eigen::VectorXd& statistics) {
   return {compressed(standard.judge(statistics)), compressed(standard.judge_recalibrated(statistics))};
 }
 
@@ -118,8 +118,8 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
   scan.draws.bottomRows(stacks) = own;
   for (ScanView& view : scan.view) view.values.conservativeResize(old + stacks, population.whole.cols());
   for (int n = 0; n < stacks; ++n) {
-    const Views seen = views_of(*before.standard, population.whole.row(n).transpose());
-    for (std::size_t v = 0; v < views; ++v) scan.view[v].values.row(old + n) = seen[v].transpose();
+    const ScanViews seen = views_of(*before.standard, population.whole.row(n).transpose());
+    for (std::size_t v = 0; v < scan_views; ++v) scan.view[v].values.row(old + n) = seen[v].transpose();
   }
   for (ScanView& view : scan.view)
     view.emulator = std::make_unique<Emulator>(scan.open, scan.draws, view.values);
@@ -186,8 +186,8 @@ void match_view(ScanView& view, const Scan& scan, const Eigen::MatrixXd& inverse
 
 }  // namespace
 
-void match(Scan& scan, const Eigen::MatrixXd& inverse, const Views& real) {
-  for (std::size_t v = 0; v < views; ++v) match_view(scan.view[v], scan, inverse, real[v]);
+void match(Scan& scan, const Eigen::MatrixXd& inverse, const ScanViews& real) {
+  for (std::size_t v = 0; v < scan_views; ++v) match_view(scan.view[v], scan, inverse, real[v]);
 }
 
 namespace {
@@ -223,14 +223,14 @@ double imitated(const Eigen::VectorXd& fingerprint, const Scan& by, std::size_t 
   return all > 0 ? std::clamp(1 - least / all, 0.0, 1.0) : 0;
 }
 
-std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders, const Views& all_real,
-                                   int threads) {
+std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders,
+                                   const ScanViews& all_real, int threads) {
   struct Task {
     PairMatch pair;
     std::size_t view;
   };
   std::vector<Task> tasks;
-  for (std::size_t v = 0; v < views; ++v)
+  for (std::size_t v = 0; v < scan_views; ++v)
     for (std::size_t a = 0; a < std::min(leaders, scans.size()); ++a)
       for (std::size_t b = 0; b < scans.size(); ++b)
         if (b > a || b >= leaders)
@@ -244,13 +244,12 @@ std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t l
     const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
     const auto alone = [&](const ScanView& view) {
       const auto prediction = (*view.emulator)(view.best);
-      return independent(real, prediction.mean, prediction.variance) + 0.5 * real.squaredNorm();
+      return independent(real, prediction.mean, prediction.variance);
     };
     const auto evidence = [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
       const auto first = (*view_one.emulator)(a), second = (*view_two.emulator)(b);
       return independent(real, compressed(expanded(first.mean) + expanded(second.mean)),
-                         first.variance + second.variance) +
-             0.5 * real.squaredNorm();
+                         first.variance + second.variance);
     };
     const auto moved = [&](const Scan& scan, const Eigen::VectorXd& at, double step) {
       return moved_by(scan.open, at, step, uniform);
@@ -271,12 +270,13 @@ std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t l
     for (const double step : {0.2, 0.08, 0.03})
       for (int k = 0; k < 60; ++k)
         attempt(moved(one, pair.best_first, step), moved(two, pair.best_second, step));
-    pair.alone = std::max(alone(view_one), alone(view_two));
-    pair.gain = best - pair.alone;
+    const double either = std::max(alone(view_one), alone(view_two));
+    pair.alone = either + 0.5 * real.squaredNorm();
+    pair.gain = best - either;
   });
   // Of each pair the view in which it is seen best.
   std::vector<PairMatch> pairs;
-  const std::size_t count = tasks.size() / views;
+  const std::size_t count = tasks.size() / scan_views;
   for (std::size_t n = 0; n < count; ++n) {
     PairMatch &near = tasks[n].pair, &far = tasks[count + n].pair;
     pairs.push_back(far.gain + far.alone > near.gain + near.alone ? std::move(far) : std::move(near));

@@ -16,9 +16,9 @@ namespace atomcam {
 /// Two ways to look at a stack: with calibration held near the frames' own, and after a calibration that may
 /// go as far as it takes. What calibration takes an effect for in part is only seen the second way, what it
 /// could swallow far from the straight lines only the first.
-inline constexpr std::size_t views = 2;
-using Views = std::array<Eigen::VectorXd, views>;  // compressed z
-Views views_of(const Standard& standard, const Eigen::VectorXd& statistics);
+inline constexpr std::size_t scan_views = 2;
+using ScanViews = std::array<Eigen::VectorXd, scan_views>;  // compressed z
+ScanViews views_of(const Standard& standard, const Eigen::VectorXd& statistics);
 
 struct ScanView {
   Eigen::MatrixXd values;  // [stack, statistic] compressed z under the model before
@@ -34,7 +34,7 @@ struct Scan {
   const EffectDeclaration* effect = nullptr;
   std::vector<Uncertain> open;  // the effect's parameters
   Eigen::MatrixXd draws;        // [stack, parameter] of the effect
-  std::array<ScanView, views> view;
+  std::array<ScanView, scan_views> view;
   std::size_t clearest() const { return view[1].log_likelihood > view[0].log_likelihood ? 1 : 0; }
   const ScanView& best() const { return view[clearest()]; }
 };
@@ -49,7 +49,7 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
              const std::function<void(int)>& progress = {});
 
 /// Parameters that fit best, and the evidence. `inverse`: of the correlations of the model before.
-void match(Scan& scan, const Eigen::MatrixXd& inverse, const Views& real);
+void match(Scan& scan, const Eigen::MatrixXd& inverse, const ScanViews& real);
 
 /// How much of an effect's fingerprint (compressed z) another one could pass for with the parameters that
 /// suit it best: 1 minus the square of what is left, over the square of all. As seen in `view`.
@@ -65,7 +65,7 @@ struct PairMatch {
 
 /// All pairs of one of the first `leaders` scans with any other, the most promising first. No correlations
 /// between statistics: a quick look, without simulation.
-std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders, const Views& real,
+std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders, const ScanViews& real,
                                    int threads);
 
 }  // namespace atomcam

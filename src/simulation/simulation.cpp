@@ -86,8 +86,7 @@ struct State {
                    : declaration.plane == Plane::electron_register ? register_effects
                                                                    : count_effects;
       list.push_back({&declaration, declaration.make(found->second)});
-      if (declaration.acts_on_light && &list != &light_effects)
-        light_effects.push_back({&declaration, declaration.make(found->second)});
+      if (declaration.acts_on_light) light_effects.push_back({&declaration, declaration.make(found->second)});
     }
   }
 

@@ -104,17 +104,13 @@ class Table {
     fit("sensor.read_noise_e / electrons_per_count", "counts", notes_.read_noise_counts,
         calibration_.model.read_noise_counts, maps.read_noise_error);
     electrons_per_count(sensor.readout_modes.front().electrons_per_count);
-    const double pixels = static_cast<double>(calibration_.model.shape.pixels());
-    // A spread that is read off two quantiles has 1.4 times the error of the best estimate of a normal one.
-    const auto spread_error = [](double sigma, double count) { return 1.4 * sigma / std::sqrt(2 * count); };
     fit("sensor.read_noise_log_sigma", "1", not_noted, maps.read_noise_log_sigma,
-        spread_error(maps.read_noise_log_sigma, pixels));
-    fit("sensor.offset_sigma_counts", "counts", not_noted, maps.offset_sigma_counts,
-        spread_error(maps.offset_sigma_counts, pixels));
+        maps.read_noise_log_sigma_error);
+    fit("sensor.offset_sigma_counts", "counts", not_noted, maps.offset_sigma_counts, maps.offset_sigma_error);
     fit("sensor.column_gumbel_counts", "counts", not_noted, maps.column_gumbel_counts,
-        spread_error(maps.column_gumbel_counts, calibration_.model.shape.columns));
+        maps.column_gumbel_error);
     fit("sensor.row_offset_sigma_counts", "counts", not_noted, maps.row_offset_sigma_counts,
-        spread_error(maps.row_offset_sigma_counts, calibration_.model.shape.rows));
+        maps.row_offset_sigma_error);
     split("sensor.dark_rate_e_per_s", "e/pixel/s", notes_.dark_e_per_s, sensor.dark_rate_e_per_s);
   }
 

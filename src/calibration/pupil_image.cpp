@@ -1,7 +1,6 @@
 #include "calibration/pupil_image.hpp"
 
 #include <cmath>
-#include <complex>
 #include <numbers>
 
 #include "optics/zernike.hpp"
@@ -55,12 +54,13 @@ PupilImage::PupilImage(const OpticsDescription& optics, int radius_px, int sampl
       const auto values = zernike_values(x, y);
       for (int k = 0; k < fitted_zernikes; ++k) zernike_[k](j, i) = values[k + first_fitted_zernike];
     }
-  waves_.resize(fine, samples);
-  for (int n = 0; n < fine; ++n)
-    for (int i = 0; i < samples; ++i) {
-      const double u = (n - reach) * pixel / FineImage::oversampling;
-      const double x = (i - (samples - 1) / 2.0) * spacing;
-      waves_(n, i) = std::polar(1.0, -2 * pi * x * u);
+  cosine_.resize(reach + 1, samples / 2);
+  sine_.resize(reach + 1, samples / 2);
+  for (int n = 0; n <= reach; ++n)
+    for (int i = 0; i < samples / 2; ++i) {
+      const double turns = (i + 0.5) * spacing * n * pixel / FineImage::oversampling;
+      cosine_(n, i) = std::cos(2 * pi * turns);
+      sine_(n, i) = std::sin(2 * pi * turns);
     }
   Eigen::ArrayXd width(fine);
   for (int n = 0; n < fine; ++n) {
@@ -72,6 +72,32 @@ PupilImage::PupilImage(const OpticsDescription& optics, int radius_px, int sampl
   }
   correction_ =
       (width.matrix() * width.matrix().transpose()).array() * spacing * spacing / energy * pixel * pixel;
+}
+
+// Fourier's sum over each column. Both grids lie evenly about the middle: even and odd parts of the pupil go
+// with cosine and sine, a quarter of the products that the exponentials would take.
+PupilImage::Amplitude PupilImage::along_columns(const Amplitude& pupil) const {
+  const Eigen::Index half = samples_ / 2, reach = cosine_.rows() - 1, columns = pupil.real.cols();
+  const auto even = [&](const Eigen::MatrixXd& of) -> Eigen::MatrixXd {
+    return cosine_ * (of.bottomRows(half) + of.topRows(half).colwise().reverse());
+  };
+  const auto odd = [&](const Eigen::MatrixXd& of) -> Eigen::MatrixXd {
+    return sine_ * (of.bottomRows(half) - of.topRows(half).colwise().reverse());
+  };
+  const auto both_sides = [&](const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+    Eigen::MatrixXd all(2 * reach + 1, columns);
+    all.bottomRows(reach + 1) = a + b;
+    all.topRows(reach + 1) = (a - b).colwise().reverse();
+    return all;
+  };
+  return {both_sides(even(pupil.real), odd(pupil.imaginary)),
+          both_sides(even(pupil.imaginary), -odd(pupil.real))};
+}
+
+PupilImage::Amplitude PupilImage::image_of(const Amplitude& pupil) const {
+  const Amplitude halfway = along_columns(pupil);
+  const Amplitude turned = along_columns({halfway.real.transpose(), halfway.imaginary.transpose()});
+  return {turned.real.transpose(), turned.imaginary.transpose()};
 }
 
 // Boole's rule over the pixel, along both axes.
@@ -91,23 +117,21 @@ FineImage PupilImage::operator()(const std::array<double, zernike_terms>& zernik
   Eigen::ArrayXXd wavefront = Eigen::ArrayXXd::Zero(samples_, samples_);
   for (int k = 0; k < fitted_zernikes; ++k) wavefront += zernike_um[k + first_fitted_zernike] * zernike_[k];
   const double turn = 2 * pi / wavelength_um_;
-  Eigen::MatrixXcd pupil(samples_, samples_);
-  for (Eigen::Index n = 0; n < pupil.size(); ++n) pupil(n) = std::polar(strength_(n), turn * wavefront(n));
-  const auto image = [&](const Eigen::MatrixXcd& of) -> Eigen::MatrixXcd {
-    return (waves_ * of) * waves_.transpose();
-  };
-  const Eigen::MatrixXcd amplitude = image(pupil);
+  const Eigen::ArrayXXd phase = turn * wavefront;
+  const Eigen::ArrayXXd real = strength_ * phase.cos(), imaginary = strength_ * phase.sin();
+  const Amplitude amplitude = image_of({real, imaginary});
   FineImage fine;
   fine.centre = (radius_px_ + 1) * FineImage::oversampling;
-  fine.share = integrated(amplitude.array().abs2() * correction_);
+  fine.share =
+      integrated((amplitude.real.array().square() + amplitude.imaginary.array().square()) * correction_);
   if (!derivatives) return fine;
-  for (int k = 0; k < fitted_zernikes; ++k) {
-    const Eigen::MatrixXcd tilted =
-        (pupil.array() * (zernike_[k] * turn).cast<std::complex<double>>() * std::complex<double>(0, 1))
-            .matrix();
-    const Eigen::MatrixXcd change = image(tilted);
-    fine.by_zernike.push_back(
-        integrated(2 * (amplitude.conjugate().array() * change.array()).real() * correction_));
+  for (const Eigen::ArrayXXd& term : zernike_) {
+    const Eigen::ArrayXXd by = turn * term;
+    const Amplitude change = image_of({-by * imaginary, by * real});
+    fine.by_zernike.push_back(integrated(2 *
+                                         (amplitude.real.array() * change.real.array() +
+                                          amplitude.imaginary.array() * change.imaginary.array()) *
+                                         correction_));
   }
   return fine;
 }

@@ -34,13 +34,18 @@ class PupilImage {
   int radius_px() const { return radius_px_; }
 
  private:
+  struct Amplitude {
+    Eigen::MatrixXd real, imaginary;
+  };
+  Amplitude along_columns(const Amplitude& pupil) const;
+  Amplitude image_of(const Amplitude& pupil) const;
   Eigen::ArrayXXd integrated(const Eigen::ArrayXXd& intensity) const;
 
   int radius_px_, samples_;
   double wavelength_um_;
   Eigen::ArrayXXd strength_;                              // [pupil row, pupil column]
   std::array<Eigen::ArrayXXd, fitted_zernikes> zernike_;  // values over the pupil
-  Eigen::MatrixXcd waves_;                                // [fine sample, pupil sample]
+  Eigen::MatrixXd cosine_, sine_;                         // [fine sample, pupil sample], both from the middle
   Eigen::ArrayXXd correction_;                            // fine samples: normalisation and sample width
 };
 

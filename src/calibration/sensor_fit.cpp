@@ -3,18 +3,41 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "base/quantile.hpp"
 
 namespace atomcam {
 namespace {
 
-/// Standard deviation of a normal law with these 16 % and 84 % quantiles.
-double robust_sigma(const std::vector<double>& values) {
-  return 0.5 * (quantile(values, 0.8413) - quantile(values, 0.1587));
+/// Standard deviation of a normal law with these 16 % and 84 % quantiles, read off at the ranks where they
+/// are to be expected among few values (Blom).
+double robust_sigma(std::vector<double> values) {
+  const std::size_t n = values.size();
+  if (n < 3) return 0;
+  std::sort(values.begin(), values.end());
+  const double rank = (static_cast<double>(n) + 0.25) * 0.1587 + 0.375 - 1;
+  const auto below = static_cast<std::size_t>(std::max(0.0, rank));
+  const double part = std::max(0.0, rank) - static_cast<double>(below);
+  const double low = std::lerp(values[below], values[below + 1], part);
+  const double high = std::lerp(values[n - 1 - below], values[n - 2 - below], part);
+  return 0.5 * (high - low);
 }
+/// Mean of the middle half.
+double middle_mean(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const auto quarter = static_cast<std::ptrdiff_t>(values.size() / 4);
+  return std::accumulate(values.begin() + quarter, values.end() - quarter, 0.0) /
+         static_cast<double>(static_cast<std::ptrdiff_t>(values.size()) - 2 * quarter);
+}
+constexpr double middle_loss = 1.195;  // its variance over that of a mean, for a normal law
+constexpr double robust_loss = 1.92;   // error of such a sigma^2, in sigma^2 / sqrt(n); the best is 1.41
 double square(double x) {
   return x * x;
+}
+/// Of the square root of what has this error; at zero, what it could be.
+double error_of_root(double root, double error_of_square) {
+  return error_of_square / std::max(2 * root, std::sqrt(error_of_square));
 }
 /// Second derivative of ln Gamma, for x >= 1.
 double trigamma(double x) {
@@ -237,38 +260,67 @@ QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
   fit.read_noise_counts = sigma_median * std::exp(square(fit.read_noise_log_sigma));
   // Error of ln noise = mean_log / 2 + log_sigma^2 from the covariance of the two quantiles.
   constexpr double density_low = 0.06804, density_high = 0.29611;  // of the normal law there
+  constexpr double variance_low = 0.03 * 0.97 / (density_low * density_low),
+                   variance_high = 0.22 * 0.78 / (density_high * density_high),
+                   covariance = 0.03 * 0.78 / (density_low * density_high);
   const double by_width = 0.5 * (-high + width) / (high - low), by_high = 0.5 + by_width, by_low = -by_width;
-  const double quantile_variance = by_high * by_high * 0.22 * 0.78 / square(density_high) +
-                                   by_low * by_low * 0.03 * 0.97 / square(density_low) +
-                                   2 * by_high * by_low * 0.03 * 0.78 / (density_low * density_high);
+  const double quantile_variance =
+      by_high * by_high * variance_high + by_low * by_low * variance_low + 2 * by_high * by_low * covariance;
   fit.read_noise_error = fit.read_noise_counts * width * std::sqrt(quantile_variance / pixels);
-  // Offsets: columns and rows by medians over the other axis.
+  // 4 log_sigma^2 = width^2 less a constant.
+  const double width_error =
+      width / (high - low) * std::sqrt((variance_low + variance_high - 2 * covariance) / pixels);
+  fit.read_noise_log_sigma_error = error_of_root(fit.read_noise_log_sigma, width * width_error / 2);
+  // Offsets: columns and rows by the middle of the other axis.
   std::vector<double> column_level, row_level, rest;
   for (int c = 0; c < columns; ++c) {
     std::vector<double> values;
     for (int r = 0; r < rows; ++r) values.push_back(means[static_cast<std::size_t>(r) * columns + c]);
-    column_level.push_back(median(values) - fit.bias_counts);
+    column_level.push_back(middle_mean(std::move(values)) - fit.bias_counts);
   }
   for (int r = 0; r < rows; ++r) {
     std::vector<double> values;
     for (int c = 0; c < columns; ++c)
       values.push_back(means[static_cast<std::size_t>(r) * columns + c] - column_level[c]);
-    row_level.push_back(median(values) - fit.bias_counts);
+    row_level.push_back(middle_mean(std::move(values)) - fit.bias_counts);
   }
   for (int r = 0; r < rows; ++r)
     for (int c = 0; c < columns; ++c)
       rest.push_back(means[static_cast<std::size_t>(r) * columns + c] - column_level[c] - row_level[r] -
                      fit.bias_counts);
   const double noise_of_mean = square(fit.read_noise_counts) / n;
-  const double pixel_spread = square(robust_sigma(rest));
+  // Less what went into the levels of columns and rows. Noise of unequal pixels has long tails, which draws
+  // the quantiles in (Cornish and Fisher's term of the kurtosis).
+  const double seen =
+      square(robust_sigma(rest)) * pixels / (std::max(1, rows - 1) * std::max(1, columns - 1));
+  const double kurtosis = 3 * std::expm1(4 * square(fit.read_noise_log_sigma)) *
+                          square(std::min(1.0, noise_of_mean / std::max(seen, 1e-300)));
+  const double pixel_spread = seen * (1 + std::min(0.5, kurtosis / 6));
   fit.offset_sigma_counts = std::sqrt(std::max(0.0, pixel_spread - noise_of_mean));
-  constexpr double median_loss = std::numbers::pi / 2;  // variance of a median over that of a mean
-  const double column_variance = square(robust_sigma(column_level)) - median_loss * pixel_spread / rows;
-  const double row_variance = square(robust_sigma(row_level)) - median_loss * pixel_spread / columns;
-  fit.column_gumbel_counts = std::sqrt(std::max(0.0, column_variance) * 6) / std::numbers::pi;
-  fit.row_offset_sigma_counts = std::sqrt(std::max(0.0, row_variance));
-  fit.bias_error = std::sqrt(pixel_spread / pixels + std::max(0.0, column_variance) / columns +
-                             std::max(0.0, row_variance) / rows);
+  fit.offset_sigma_error =
+      error_of_root(fit.offset_sigma_counts, robust_loss * pixel_spread / std::sqrt(pixels));
+  // The levels of columns and rows with what the pixels leave in them.
+  const double column_total = square(robust_sigma(column_level)), row_total = square(robust_sigma(row_level));
+  // Half the distance of the 16 % and 84 % quantiles of Gumbel's law in its scale, and its error as above.
+  constexpr double gumbel_sigma = 1.1829, gumbel_loss = 2.19;
+  const double column_excess = std::max(0.0, column_total - middle_loss * pixel_spread / rows);
+  fit.column_gumbel_counts = std::sqrt(column_excess) / gumbel_sigma;
+  fit.column_gumbel_error = error_of_root(
+      fit.column_gumbel_counts, gumbel_loss * column_total / square(gumbel_sigma) / std::sqrt(columns));
+  const double row_variance = std::max(0.0, row_total - middle_loss * pixel_spread / columns);
+  fit.row_offset_sigma_counts = std::sqrt(row_variance);
+  fit.row_offset_sigma_error =
+      error_of_root(fit.row_offset_sigma_counts, robust_loss * row_total / std::sqrt(rows));
+  // Error of the median of normal values, of which those of a column and of a row have a part in common: the
+  // signs of two with correlation r agree as 2/pi asin r says (Sheppard).
+  const double column_variance = square(fit.column_gumbel_counts * std::numbers::pi) / 6;
+  const double all = pixel_spread + column_variance + row_variance;
+  if (!(all > 0)) return fit;
+  constexpr double third_cumulant = 2.404;  // of Gumbel's law, whose median lies below the mean
+  fit.bias_counts += third_cumulant * std::pow(fit.column_gumbel_counts, 3) / (6 * all);
+  fit.bias_error =
+      std::sqrt(all * (std::numbers::pi / 2 / pixels + std::asin(column_variance / all) / columns +
+                       std::asin(row_variance / all) / rows));
   return fit;
 }
 

@@ -49,10 +49,10 @@ StackSums sum_stack(const FrameSequence& frames);
 struct QcmosDarkFit {
   double bias_counts = 0, bias_error = 0;
   double read_noise_counts = 0, read_noise_error = 0;  // rms over the pixels
-  double read_noise_log_sigma = 0;
-  double offset_sigma_counts = 0;
-  double column_gumbel_counts = 0;
-  double row_offset_sigma_counts = 0;
+  double read_noise_log_sigma = 0, read_noise_log_sigma_error = 0;
+  double offset_sigma_counts = 0, offset_sigma_error = 0;
+  double column_gumbel_counts = 0, column_gumbel_error = 0;
+  double row_offset_sigma_counts = 0, row_offset_sigma_error = 0;
 };
 QcmosDarkFit fit_qcmos_darks(const StackSums& darks);
 

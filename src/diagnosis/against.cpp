@@ -18,7 +18,6 @@
 namespace atomcam {
 namespace {
 
-constexpr double gap_level = 0.005;       // false alarms
 constexpr std::size_t least_frames = 16;  // of either stack
 constexpr double told = 0.25;             // of a difference that a changed parameter has to make to be named
 

@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "base/error.hpp"
 #include "base/random.hpp"
 #include "calibration/notes.hpp"
+#include "diagnosis/detection_strength.hpp"
 
 namespace atomcam {
 namespace {
@@ -142,25 +144,43 @@ BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
   }
   const double lot = draw.uniform(0, 1);
   const int count = lot < options.none_share ? 0 : lot > 1 - options.pair_share ? 2 : 1;
+  lab.place_sites();
+  auto chosen = lab.effects;
+  std::unique_ptr<DetectionGround> ground;
+  if (options.of_detection && count > 0)
+    ground = std::make_unique<DetectionGround>(lab, parse_notes(stack.notes, "blind"), options.frames,
+                                               options.darks, options.threads);
   for (int k = 0; k < count && !known.empty(); ++k) {
     const std::size_t which = draw.index(known.size());
     const EffectDeclaration& effect = *known[which];
     known.erase(known.begin() + static_cast<std::ptrdiff_t>(which));
     ParameterValues values;
+    double multiple = 1;
     for (const ParameterDeclaration& p : effect.parameters) {
       double value = p.default_value;
       if (p.unit == "deg")
         value = draw.uniform(p.minimum, p.maximum);
       else if (values.empty())
-        value *= draw.logarithmic(options.weakest, options.strongest);
+        value *= multiple = draw.logarithmic(options.weakest, options.strongest);
       else if (p.scale == ParameterScale::logarithmic)
         value *= draw.logarithmic(0.7, 1.4);
       values.push_back(std::clamp(value, p.minimum, p.maximum));
       if (p.integer) values.back() = std::round(values.back());
     }
-    lab.effects[effect.name] = values;
-    stack.effects.push_back({effect.name, std::string(effect.stage()), values.front()});
+    BlindEffect& sealed = stack.effects.emplace_back();
+    sealed.name = effect.name;
+    sealed.stage = effect.stage();
+    if (ground) {
+      const DetectionStrength seen = ground->of(effect, values);
+      sealed.detection_strength = seen.strength;
+      sealed.matched_filter = seen.matched_filter;
+      const ParameterDeclaration& first = effect.parameters.front();
+      values.front() = std::clamp(multiple * seen.strength, first.minimum, first.maximum);
+    }
+    sealed.strength = values.front();
+    chosen[effect.name] = values;
   }
+  lab.effects = chosen;
   lab.place_sites();
   check_lab(lab, "blind");
   return stack;

@@ -12,6 +12,8 @@ namespace atomcam {
 struct BlindEffect {
   std::string name, stage;
   double strength = 0;  // of its first parameter
+  /// In stacks of this lab and size; 0 where strengths were not drawn in units of it.
+  double detection_strength = 0, matched_filter = 0;
 };
 
 struct BlindStack {
@@ -26,8 +28,12 @@ struct BlindOptions {
   /// Effects to choose from; empty: the catalogue.
   std::vector<std::string> effects;
   double none_share = 0.2, pair_share = 0.2;
-  /// Strengths are drawn evenly (in the logarithm) between these multiples of the effect's default.
+  /// Strengths are drawn evenly (in the logarithm) between these multiples of the effect's default, or of the
+  /// strength at which nine of ten stacks of this lab with so many frames and darks show a gap.
   double weakest = 0.5, strongest = 3;
+  bool of_detection = false;
+  std::size_t frames = 300, darks = 100;
+  int threads = 1;
 };
 
 /// Stack `number` of a series: a pure function of options and number.

@@ -77,6 +77,9 @@ void BlindScore::add(const BlindResult& result) {
   count(outcomes_[row], result);
   count(outcomes_["(all)"], result);
   if (result.sealed.empty()) null_p_.push_back(result.p_gap);
+  for (const BlindEffect& sealed : result.sealed)
+    if (sealed.matched_filter > 0)
+      over_matched_filter_.push_back(sealed.detection_strength / sealed.matched_filter);
   std::vector<std::string> names;
   for (const BlindResult::Found& one : result.found) {
     names.push_back(one.name);
@@ -127,6 +130,10 @@ std::string BlindScore::tables() const {
     out += fmt::format("| p-values without effect are uniform (Kolmogorov-Smirnov) | p = {:.2g} |\n",
                        uniform_p_value(null_p_));
   out += fmt::format("| detected, of stacks with effects | {} |\n", share(seen, with));
+  if (!over_matched_filter_.empty())
+    out +=
+        fmt::format("| detection strength over the matched filter's, median (largest) | {:.2f} ({:.2f}) |\n",
+                    median(over_matched_filter_), quantile(over_matched_filter_, 1));
   out += fmt::format("| false accusations: a wrong name, of the detected | {} |\n",
                      share(total.wrong - null.wrong, seen));
   out += fmt::format("| unexplained, of the detected | {} |\n",

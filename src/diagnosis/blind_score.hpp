@@ -40,6 +40,7 @@ class BlindScore {
   std::map<std::string, Outcome> outcomes_;
   std::map<std::string, std::map<std::string, int>> called_;  // sealed: what it was called: how often
   std::vector<double> null_p_;
+  std::vector<double> over_matched_filter_;  // detection strengths
   int strengths_ = 0, covered_ = 0;
   int pairs_ = 0, pairs_both_ = 0;
 };

@@ -7,7 +7,6 @@
 #include <set>
 
 #include "base/error.hpp"
-#include "base/random.hpp"
 #include "diagnosis/diagnosis.hpp"
 #include "diagnosis/fit.hpp"
 #include "diagnosis/model.hpp"
@@ -17,7 +16,6 @@
 namespace atomcam {
 namespace {
 
-constexpr double gap_level = 0.005;     // false alarms of the plain model
 constexpr double reject_level = 0.005;  // a fitted model below it is not the explanation
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 constexpr double worthwhile = 0.9;      // of the plain model's distance: farther away is not followed up
@@ -34,11 +32,6 @@ constexpr std::uintmax_t largest_cache = std::uintmax_t{4} << 30;
 /// Distance from which on a model is hopelessly behind the nearest.
 double behind(double nearest) {
   return std::max(1.5, 1.5 * nearest);
-}
-
-/// The first stack number of a step: far from those of all others, and the same whatever else is done.
-std::uint64_t numbers_of(std::string_view step) {
-  return stream_id(step) & ~std::uint64_t{0xFFFFFF};
 }
 
 /// All counts of a stack.
@@ -108,32 +101,12 @@ class Diagnoser {
   }
 
   void judge_plain() {
-    plain_.lab = result_.calibration.lab;
-    plain_.open = calibration_uncertainty(result_.calibration);
-    plain_.first_effect_parameter = static_cast<Eigen::Index>(plain_.open.size());
     const double cost = static_cast<double>(plan_.frames) * static_cast<double>(frames_.shape().pixels());
-    null_stacks_ = cost > 3e7 ? 160 : 240;
-    // The calibration's own bias is taken out first: simulated stacks shall calibrate as the real one did.
-    recalibrate(plain_, real_stack(), plan_, numbers_of("plain calibration"));
-    fit_centres(plain_, 80, "plain model", 0.04, 0.08);
-    atomcam::judge(plain_, real_, null_stacks_, plan_, numbers_of("plain"), nullptr,
-                   part("plain model", 0.08, 0.25, null_stacks_));
+    const int stacks = cost > 3e7 ? 160 : 240;
+    plain_ = plain_model(real_stack(), stacks, plan_,
+                         part("plain model", 0.04, 0.25, plain_centre_stacks + stacks));
     result_.p_gap = plain_.p_value;
     result_.p_after = plain_.p_value;
-  }
-
-  void fit_centres(Model& model, int stacks, const std::string& step, double from, double to) {
-    model.population = simulate_population(model.lab, model.open, stacks, plan_, numbers_of("centres"),
-                                           nullptr, part(step, from, to, stacks));
-    const Standard standard(model.population, Part::whole);
-    const Eigen::VectorXd estimate = standard.estimate(as_vector(real_.whole));
-    for (std::size_t k = 0; k < model.open.size(); ++k) {
-      Uncertain& one = model.open[k];
-      one.centre +=
-          std::clamp(estimate(static_cast<Eigen::Index>(k)) - one.centre, -1.5 * one.width, 1.5 * one.width);
-      one.lowest = one.centre - 5 * one.width;
-      one.highest = one.centre + 5 * one.width;
-    }
   }
 
   std::vector<std::string> excluded() const {
@@ -563,7 +536,6 @@ class Diagnoser {
   Diagnosis result_;
   StackPlan plan_;
   std::optional<KeptResults> kept_;
-  int null_stacks_ = 400;
   std::vector<StatisticDeclaration> declarations_;
   BatteryValues real_;
   Model plain_, final_;

@@ -34,6 +34,9 @@ struct Correlation {
   Eigen::MatrixXd inverse() const;
 };
 
+/// Share of the plain model's own stacks in which a gap is seen: false alarms.
+inline constexpr double gap_level = 0.005;
+
 /// Does a stack differ from the model? Two views, each with its null from the model's own stacks: the largest
 /// |z| and the gap; one p-value.
 class OmnibusTest {

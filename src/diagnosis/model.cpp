@@ -191,4 +191,28 @@ void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std
   }
 }
 
+Model plain_model(const RealStack& real, int stacks, const StackPlan& plan,
+                  const std::function<void(int)>& progress) {
+  Model plain;
+  plain.lab = real.calibration->lab;
+  plain.open = calibration_uncertainty(*real.calibration);
+  plain.first_effect_parameter = static_cast<Eigen::Index>(plain.open.size());
+  // The calibration's own bias is taken out first: simulated stacks shall calibrate as the real one did.
+  recalibrate(plain, real, plan, numbers_of("plain calibration"));
+  const Population about = simulate_population(plain.lab, plain.open, plain_centre_stacks, plan,
+                                               numbers_of("centres"), nullptr, progress);
+  const Eigen::VectorXd estimate = Standard(about, Part::whole).estimate(as_vector(real.values->whole));
+  for (std::size_t k = 0; k < plain.open.size(); ++k) {
+    Uncertain& one = plain.open[k];
+    one.centre +=
+        std::clamp(estimate(static_cast<Eigen::Index>(k)) - one.centre, -1.5 * one.width, 1.5 * one.width);
+    one.lowest = one.centre - 5 * one.width;
+    one.highest = one.centre + 5 * one.width;
+  }
+  judge(plain, *real.values, stacks, plan, numbers_of("plain"), nullptr, [&progress](int done) {
+    if (progress) progress(plain_centre_stacks + done);
+  });
+  return plain;
+}
+
 }  // namespace atomcam

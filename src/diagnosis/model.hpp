@@ -66,4 +66,10 @@ struct RealStack {
 /// what calibration absorbed of an effect is given back.
 void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std::uint64_t first);
 
+/// The plain model about a stack's calibration, judged: `stacks` simulated ones are its null. `progress` of
+/// stacks out of `stacks` and plain_centre_stacks more.
+inline constexpr int plain_centre_stacks = 80;
+Model plain_model(const RealStack& real, int stacks, const StackPlan& plan,
+                  const std::function<void(int)>& progress = {});
+
 }  // namespace atomcam

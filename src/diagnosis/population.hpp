@@ -7,9 +7,11 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "analysis/battery.hpp"
+#include "base/random.hpp"
 #include "diagnosis/kept_results.hpp"
 #include "diagnosis/uncertain.hpp"
 
@@ -26,6 +28,11 @@ struct StackPlan {
   const KeptResults* kept = nullptr;  // null: everything is simulated
   std::function<void()> check_in;     // after every stack, on its thread; what it throws ends the work
 };
+
+/// The first stack number of a step: far from those of all others, and the same whatever else is done.
+inline std::uint64_t numbers_of(std::string_view step) {
+  return stream_id(step) & ~std::uint64_t{0xFFFFFF};
+}
 
 /// The lab of one simulated stack, with a seed of its own. Stacks have a sensor each, or, where
 /// `sensor_number` is given, that of the stack of this number.

@@ -43,6 +43,10 @@ Lab lab_of(const Notes& notes) {
   auto& grid = std::get<SiteGrid>(lab.layout);
   grid.offset_x += 0.3;
   grid.angle_x_deg = 0.3;
+  if (auto* qcmos = std::get_if<QcmosDescription>(&lab.sensor)) {
+    qcmos->offset_sigma_counts = 0.5;
+    qcmos->column_gumbel_counts = qcmos->row_offset_sigma_counts = 0.187;
+  }
   lab.place_sites();
   return lab;
 }
@@ -73,9 +77,7 @@ std::map<std::string, double> truths(const Lab& lab, const Calibration& found) {
     else if (one.key.starts_with("atom light"))
       out[one.key] = lab.scene.scattering_rate_hz * exposure * efficiency *
                      collected_fraction(lab.optics.numerical_aperture);
-    else if (const LabParameter* known = find_lab_parameter(lab.kind(), one.key);
-             known && one.key.find("_sigma") == std::string::npos &&
-             one.key.find("gumbel") == std::string::npos)
+    else if (const LabParameter* known = find_lab_parameter(lab.kind(), one.key); known != nullptr)
       out[one.key] = known->get(lab);
   }
   return out;

@@ -33,7 +33,6 @@ using Path = std::filesystem::path;
 struct MakeOptions {
   std::string output;
   int count = 10;
-  std::uint64_t frames = 300, darks = 100;
   BlindOptions blind;
 };
 struct ScoreOptions {
@@ -70,7 +69,12 @@ void write_stack(const Path& file, const Lab& lab, std::uint64_t first, std::uin
   writer->finish();
 }
 
-void make(const MakeOptions& options) {
+int all_cores() {
+  return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+}
+
+void make(MakeOptions options) {
+  if (options.blind.threads == 0) options.blind.threads = all_cores();
   for (const std::string& name : options.blind.effects)
     if (!find_effect(name)) throw Error("--effect", fmt::format("{} is not in the catalogue", name));
   const Path folder = options.output;
@@ -84,13 +88,18 @@ void make(const MakeOptions& options) {
       if (!std::filesystem::exists(own / "lab.json")) {
         make_folder(own, "--out");
         const BlindStack stack = make_blind_stack(options.blind, static_cast<std::uint64_t>(n));
-        write_stack(own / "frames.tif", stack.lab, 0, options.frames, true);
-        write_stack(own / "darks.tif", stack.lab, 1000000, options.darks, false);
+        write_stack(own / "frames.tif", stack.lab, 0, options.blind.frames, true);
+        write_stack(own / "darks.tif", stack.lab, 1000000, options.blind.darks, false);
         Json seal;
         seal["effects"] = Json::array();
-        for (const BlindEffect& effect : stack.effects)
-          seal["effects"].push_back(
-              {{"name", effect.name}, {"stage", effect.stage}, {"strength", effect.strength}});
+        for (const BlindEffect& effect : stack.effects) {
+          Json& sealed = seal["effects"].emplace_back();
+          sealed = {{"name", effect.name}, {"stage", effect.stage}, {"strength", effect.strength}};
+          if (effect.detection_strength > 0) {
+            sealed["detection_strength"] = effect.detection_strength;
+            sealed["matched_filter"] = effect.matched_filter;
+          }
+        }
         seal["lab"] = write_lab(stack.lab);
         write_text(folder / "seals" / (stack_name(n) + ".json"), seal.dump(1));
         write_text(own / "lab.json", stack.notes);
@@ -103,7 +112,8 @@ void make(const MakeOptions& options) {
 BlindResult result_of(const Json& seal, const Json& found) {
   BlindResult result;
   for (const Json& effect : seal["effects"])
-    result.sealed.push_back({effect["name"], effect["stage"], effect["strength"]});
+    result.sealed.push_back({effect["name"], effect["stage"], effect["strength"],
+                             effect.value("detection_strength", 0.0), effect.value("matched_filter", 0.0)});
   result.verdict = found["verdict"];
   for (const Json& effect : found["effects"]) {
     BlindResult::Found one{effect["name"], effect["stage"]};
@@ -145,9 +155,7 @@ void score(const ScoreOptions& options) {
         how.exclude = options.exclude;
         if (options.exclude_truth)
           for (const Json& effect : seal["effects"]) how.exclude.push_back(effect["name"]);
-        how.threads = options.threads > 0
-                          ? options.threads
-                          : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+        how.threads = options.threads > 0 ? options.threads : all_cores();
         how.cache = options.cache.path();
         const auto frames = open_frames(folder / name / "frames.tif"),
                    darks = open_frames(folder / name / "darks.tif");
@@ -173,6 +181,7 @@ void add_blind_command(CLI::App& app) {
       app.add_subcommand("blind", "Blind checks of the diagnosis: stacks with sealed effects");
   command->require_subcommand(1);
   auto to_make = std::make_shared<MakeOptions>();
+  to_make->blind.threads = 0;
   CLI::App* making = command->add_subcommand("make", "Write stacks with random sealed effects");
   making
       ->add_option("-o,--out", to_make->output,
@@ -181,10 +190,10 @@ void add_blind_command(CLI::App& app) {
   making->add_option("-n,--stacks", to_make->count, "How many")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
-  making->add_option("--frames", to_make->frames, "Frames of a stack")
+  making->add_option("--frames", to_make->blind.frames, "Frames of a stack")
       ->check(CLI::Range(40, 100000))
       ->capture_default_str();
-  making->add_option("--darks", to_make->darks, "Dark frames of a stack")
+  making->add_option("--darks", to_make->blind.darks, "Dark frames of a stack")
       ->check(CLI::Range(4, 100000))
       ->capture_default_str();
   making->add_option("--seed", to_make->blind.seed, "Seed of the series")->capture_default_str();
@@ -204,12 +213,18 @@ void add_blind_command(CLI::App& app) {
   making->add_option("--pairs", to_make->blind.pair_share, "Share of stacks with two")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
-  making->add_option("--weakest", to_make->blind.weakest, "Least strength, in the effect's default")
+  making->add_option("--weakest", to_make->blind.weakest, "Least strength, in the unit below")
       ->check(CLI::Range(1e-3, 1e3))
       ->capture_default_str();
-  making->add_option("--strongest", to_make->blind.strongest, "Largest strength, in the effect's default")
+  making->add_option("--strongest", to_make->blind.strongest, "Largest strength, in the unit below")
       ->check(CLI::Range(1e-3, 1e3))
       ->capture_default_str();
+  making->add_flag(
+      "--of-detection", to_make->blind.of_detection,
+      "Unit of strength: that at which 9 of 10 stacks show a gap (measured for each stack's lab, "
+      "some seconds to minutes), not the effect's default");
+  making->add_option("--threads", to_make->blind.threads, "Threads (default: all cores)")
+      ->check(CLI::Range(1, 1024));
   making->footer(
       "What is there already is kept: run it again to go on.\n\nExample:\n  atomcam blind make -n 50 -o "
       "blind");

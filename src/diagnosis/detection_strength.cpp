@@ -1,0 +1,114 @@
+#include "diagnosis/detection_strength.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "base/quantile.hpp"
+
+namespace atomcam {
+namespace {
+
+constexpr int null_stacks = 160, stacks = 24;  // stacks: at each strength
+// Standard deviations at which a known signal is seen in nine of ten at gap_level: normal quantiles of 99.5 %
+// and 90 %.
+constexpr double known_signal = 2.5758 + 1.2816;
+constexpr double clear = 5;  // squared distance that is more than chance
+
+}  // namespace
+
+DetectionGround::DetectionGround(const Lab& lab, const Notes& notes, std::size_t frames,
+                                 std::size_t dark_frames, int threads)
+    : lab_(lab) {
+  plan_.frames = frames;
+  plan_.dark_frames = dark_frames;
+  plan_.split.block = std::max<std::size_t>(1, std::min<std::size_t>(plan_.split.block, frames / 8));
+  plan_.threads = threads;
+  const std::uint64_t number = numbers_of("detection/calibrated");
+  const auto light = simulate_stack(lab_, plan_, number, true);
+  const auto darks = dark_frames > 0 ? simulate_stack(lab_, plan_, number, false) : nullptr;
+  CalibrationInput input;
+  input.notes = notes;
+  input.frames = light.get();
+  input.darks = darks.get();
+  calibration_ = calibrate(input);
+  plan_.model = calibration_.model;
+  const BatteryValues values = measure(plan_.model, *light, darks.get(), plan_.split);
+  const RealStack real{&values, &calibration_, &notes};
+  plain_ = plain_model(real, null_stacks, plan_);
+}
+
+DetectionGround::Seen DetectionGround::look(const EffectDeclaration& effect, ParameterValues values,
+                                            double strength) const {
+  Lab lab = lab_;
+  values.front() = strength;
+  lab.effects[effect.name] = values;
+  const Population population = simulate_population(
+      lab, {}, stacks, plan_, numbers_of(fmt::format("detection/{}/{}", effect.name, strength)));
+  std::vector<double> p_values;
+  Eigen::VectorXd half[2];
+  for (auto& sum : half) sum.setZero(population.whole.cols());
+  for (Eigen::Index n = 0; n < population.stacks(); ++n) {
+    const Eigen::VectorXd z =
+        plain_.standard->tolerated(plain_.standard->judge(population.whole.row(n).transpose()));
+    p_values.push_back(plain_.test->p_value(z));
+    half[n % 2] += compressed(z) / (stacks / 2);
+  }
+  // Two halves of the stacks: their scatter is not taken for signal.
+  return {std::log(std::max(1e-300, quantile(p_values, 0.9))),
+          half[0].dot(plain_.correlation->solver.solve(half[1]))};
+}
+
+DetectionStrength DetectionGround::of(const EffectDeclaration& effect, ParameterValues values) const {
+  const ParameterDeclaration& first = effect.parameters.front();
+  const double least = std::max(first.minimum, first.default_value * 1e-4), most = first.maximum;
+  const double level = std::log(gap_level);
+  struct Point {
+    double log_strength;
+    Seen seen;
+  };
+  std::vector<Point> points;
+  const auto at = [&](double log_strength) {
+    const double strength = std::clamp(std::exp(log_strength), least, most);
+    points.push_back({std::log(strength), look(effect, values, strength)});
+    return points.back();
+  };
+  // Doubled or halved until the level lies between two strengths, then halved intervals.
+  Point near = at(std::log(first.default_value)), far = near;
+  const bool weaker = near.seen.log_p < level;
+  while ((far.seen.log_p < level) == weaker) {
+    near = far;
+    if (near.log_strength == std::log(weaker ? least : most)) break;
+    far = at(near.log_strength + (weaker ? -1 : 1) * std::log(2));
+  }
+  DetectionStrength found;
+  if ((far.seen.log_p < level) == weaker) {
+    found.strength = std::exp(far.log_strength);
+    found.reached = weaker;
+  } else {
+    Point below = weaker ? far : near, above = weaker ? near : far;
+    for (int step = 0; step < 3; ++step) {
+      const Point middle = at(0.5 * (below.log_strength + above.log_strength));
+      (middle.seen.log_p < level ? above : below) = middle;
+    }
+    const double part = (level - below.seen.log_p) / (above.seen.log_p - below.seen.log_p);
+    found.strength = std::exp(std::lerp(below.log_strength, above.log_strength, part));
+  }
+  // The distance grows like a power of the strength: a line through what is clear and not far away.
+  double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+  for (const Point& point : points) {
+    if (point.seen.distance < clear || std::fabs(point.log_strength - std::log(found.strength)) > 1.5)
+      continue;
+    const double log_distance = std::log(point.seen.distance);
+    n += 1, x += point.log_strength, y += log_distance;
+    xx += point.log_strength * point.log_strength, xy += point.log_strength * log_distance;
+  }
+  if (n < 2 || n * xx - x * x < 1e-6) return found;
+  const double slope = std::clamp((n * xy - x * y) / (n * xx - x * x), 0.7, 4.0);
+  found.matched_filter = std::exp(x / n + (2 * std::log(known_signal) - y / n) / slope);
+  return found;
+}
+
+}  // namespace atomcam

@@ -1,0 +1,41 @@
+#pragma once
+// How strong an effect has to be to be seen: the unit in which diagnoses of different effects compare.
+
+#include "calibration/notes.hpp"
+#include "diagnosis/model.hpp"
+
+namespace atomcam {
+
+struct DetectionStrength {
+  /// Of the effect's first parameter: in nine of ten such stacks a gap is seen (at gap_level).
+  double strength = 0;
+  /// The same for a test that knows the effect's fingerprint on the battery's statistics and looks for
+  /// nothing else: no test of these statistics needs less. 0 if the effect moves them too little to say.
+  double matched_filter = 0;
+  /// False: not even at the largest strength that the catalogue allows, which `strength` then is.
+  bool reached = true;
+};
+
+/// Stacks of one lab without effects and how they are judged: what detection is measured against.
+class DetectionGround {
+ public:
+  /// `lab`: the truth; its stacks are calibrated with the notes.
+  DetectionGround(const Lab& lab, const Notes& notes, std::size_t frames, std::size_t dark_frames,
+                  int threads);
+  /// The effect at these parameters but for the first, which is varied. Good to some percent.
+  DetectionStrength of(const EffectDeclaration& effect, ParameterValues values) const;
+
+ private:
+  struct Seen {
+    double log_p = 0;     // ninth decile of the p-values, logarithm
+    double distance = 0;  // squared, from the plain model, in standard deviations along the effect's own way
+  };
+  Seen look(const EffectDeclaration& effect, ParameterValues values, double strength) const;
+
+  Lab lab_;
+  StackPlan plan_;
+  Calibration calibration_;
+  Model plain_;
+};
+
+}  // namespace atomcam

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "calibration/pupil_image.hpp"
 
@@ -53,7 +54,10 @@ class Model {
  public:
   Model(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start, int radius_px,
         int samples)
-      : mean_(mean), pupil_image_(optics, radius_px, samples), lattice_(start) {}
+      : mean_(mean),
+        pupil_image_(optics, radius_px, samples),
+        pupil_changes_(optics, radius_px, PupilImage::rough),
+        lattice_(start) {}
 
   int sites() const { return lattice_.sites(); }
   Eigen::Index size() const { return shape_parameters + sites() + 1; }
@@ -104,7 +108,8 @@ class Model {
                       Eigen::ArrayXd* image = nullptr) const {
     const Lattice where = lattice(p);
     const bool shapes = derivatives && !linear_only;
-    FineImage fine = pupil_image_(zernike(p), shapes);
+    FineImage fine = pupil_image_(zernike(p), false);
+    if (shapes) fine.by_zernike = pupil_changes_(zernike(p), true).by_zernike;
     to_spline(fine.share);
     for (Eigen::ArrayXXd& change : fine.by_zernike) to_spline(change);
     const int rows = mean_.electrons.rows(), columns = mean_.electrons.columns();
@@ -227,6 +232,7 @@ class Model {
  private:
   const MeanImage& mean_;
   PupilImage pupil_image_;
+  PupilImage pupil_changes_;  // derivatives only say where to go and how sure that is: a rough pupil will do
   Lattice lattice_;
 };
 
@@ -366,23 +372,29 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   best = maximise(best.values, roughly, 0.05, 30);
   // Light beyond the stamps, by the whole table: taken off the image, then once more.
   OpticsDescription fitted = optics;
+  std::optional<PointSpreadFunction> table;
+  constexpr double same_table = 0.002;  // um of every term: the light that far off does not notice
   for (int round = 0; round < 2; ++round) {
     const Lattice where = model.lattice(best.values);
-    fitted.zernike_um = Model::zernike(best.values);
-    const PointSpreadFunction table(fitted);
+    const auto zernike_um = Model::zernike(best.values);
+    const auto same = [](double a, double b) { return std::fabs(a - b) < same_table; };
+    if (!table || !std::equal(zernike_um.begin(), zernike_um.end(), fitted.zernike_um.begin(), same)) {
+      fitted.zernike_um = zernike_um;
+      table.emplace(fitted);
+    }
     PhotonImage far(Shape{mean.electrons.rows(), mean.electrons.columns()});
     for (int j = 0, s = 0; j < where.rows; ++j)
       for (int i = 0; i < where.columns; ++i, ++s) {
         const double e = best.values(shape_parameters + s), x = where.x(i, j), y = where.y(i, j);
         if (!(e > 0)) continue;
-        table.add_expected(far, e, x, y);
+        table->add_expected(far, e, x, y);
         const int left = std::max(0, static_cast<int>(std::ceil(x)) - radius),
                   top = std::max(0, static_cast<int>(std::ceil(y)) - radius);
         const int right = std::min(far.columns(), static_cast<int>(std::floor(x)) + radius + 1),
                   bottom = std::min(far.rows(), static_cast<int>(std::floor(y)) + radius + 1);
         if (left >= right || top >= bottom) continue;
         PhotonImage stamp({bottom - top, right - left});
-        table.add_expected(stamp, e, x, y, left, top);
+        table->add_expected(stamp, e, x, y, left, top);
         for (int r = top; r < bottom; ++r)
           for (int c = left; c < right; ++c) far(r, c) -= stamp(r - top, c - left);
       }

@@ -20,6 +20,7 @@ constexpr double reject_level = 0.005;  // a fitted model below it is not the ex
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 constexpr double worthwhile = 0.9;      // of the plain model's distance: farther away is not followed up
 constexpr double like_own = 1.1;        // distance at which a fit is about as near as the model's own stacks
+constexpr double far_away = 1.6;        // nothing at this distance has ever closed two thirds of a gap
 
 /// Deviations of a model in units of the larger of two models' deviations; 0 where one of them has none.
 Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
@@ -214,8 +215,10 @@ class Diagnoser {
     if (!contenders.empty() && contenders.front().model.distance > like_own &&
         contenders.front().model.distance < 3)
       fit_on(contenders.front(), more_rounds, "fit 3/");
+    // Where even the nearest is far away, it is judged to say by how much.
     while (contenders.size() > 1 &&
-           contenders.back().model.distance > behind(contenders.front().model.distance))
+           (contenders.front().model.distance > far_away ||
+            contenders.back().model.distance > behind(contenders.front().model.distance)))
       contenders.pop_back();
     std::vector<Model> judged;
     for (std::size_t k = 0; k < contenders.size(); ++k) {

@@ -18,6 +18,11 @@ constexpr double near = 1.3;  // mean square of the deviations of a place from w
 constexpr int uphill_rounds = 2;
 constexpr double lost = 3;  // times the best distance: no hill is that high
 
+// Far from the real stack, where a step leads on it leads far: rounds in a row that gain less than this part
+// are the end of the way.
+constexpr int plateau_rounds = 3;
+constexpr double plateau_gain = 0.03;
+
 /// Where a fit stands.
 struct Place {
   std::vector<Uncertain> open;
@@ -174,8 +179,9 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
   const int stacks = 8 + 4 * effects;
   Place best;
   double last = 1e300;
-  int uphill = 0;
-  for (int round = 0; round < rounds; ++round) {
+  int uphill = 0, on_plateau = 0;
+  double plateau = model.distance;
+  for (int round = 0; round < rounds && (on_plateau < plateau_rounds || plateau < near); ++round) {
     const std::uint64_t number = first + static_cast<std::uint64_t>(round) * 10000;
     recalibrate(model, ground.real, plan, number + 5000);
     // Calibration's parameters stand still: what they do is known from the plain model.
@@ -184,6 +190,11 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
     const Population population = simulate_population(model.lab, drawn, stacks, plan, number);
     const Local local = straight_lines(population, drawn, from, fitter.unit());
     const Fitter::Step step = fitter.step(local, model.open, from);
+    ++on_plateau;
+    if (step.distance < (1 - plateau_gain) * plateau) {
+      plateau = step.distance;
+      on_plateau = 0;
+    }
     if (step.distance > 1.3 * best.distance) ++uphill;
     const int patience = best.distance > near ? uphill_rounds : 0;
     if (uphill > patience || step.distance > lost * best.distance) {

@@ -119,7 +119,8 @@ AtomFit fit_atoms(const std::vector<float>& brightness, const BrightnessNoise& n
   AtomFit fit;
   fit.converged = found.converged;
   fit.noise = noise;
-  const auto error = [&](int k) { return std::sqrt(std::max(0.0, found.covariance(k, k))); };
+  const Eigen::MatrixXd covariance = found.covariance();
+  const auto error = [&](int k) { return std::sqrt(std::max(0.0, covariance(k, k))); };
   fit.filling = logistic(found.values(fill));
   fit.filling_error = fit.filling * (1 - fit.filling) * error(fill);
   const double loss_probability = logistic(found.values(lost));

@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <functional>
+#include <vector>
 
 namespace atomcam {
 
@@ -16,10 +17,14 @@ struct Likelihood {
 
 struct MaximumLikelihood {
   Eigen::VectorXd values;
-  Eigen::MatrixXd covariance;  // inverse of the information
+  Eigen::MatrixXd information;  // there
   double minus_log = 0;
   int steps = 0;
   bool converged = false;
+
+  /// Inverse of the information: of all parameters, or the rows and columns of these.
+  Eigen::MatrixXd covariance() const;
+  Eigen::MatrixXd covariance(const std::vector<Eigen::Index>& of) const;
 };
 
 /// From `start` on; `evaluate(values, with_derivatives)`. Stops when a step would gain less than

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "calibration/pupil_image.hpp"
@@ -417,8 +418,12 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
     for (const int even : {3, 4, 5, 10, 11, 12, 13, 14}) fit.zernike_um[even] = -fit.zernike_um[even];
   for (int s = 0; s < model.sites(); ++s) fit.site_e.push_back(best.values(shape_parameters + s));
   fit.background_e = best.values(model.size() - 1);
-  fit.background_error = std::sqrt(best.covariance(model.size() - 1, model.size() - 1));
-  fit.covariance = best.covariance.topLeftCorner(shape_parameters, shape_parameters);
+  std::vector<Eigen::Index> common(shape_parameters);
+  std::iota(common.begin(), common.end(), 0);
+  common.push_back(model.size() - 1);
+  const Eigen::MatrixXd covariance = best.covariance(common);
+  fit.background_error = std::sqrt(covariance(shape_parameters, shape_parameters));
+  fit.covariance = covariance.topLeftCorner(shape_parameters, shape_parameters);
   fit.chi_square = 2 * best.minus_log;
   fit.degrees_of_freedom = static_cast<int>(mean.electrons.pixels().size()) - static_cast<int>(model.size());
   fit.converged = best.converged;

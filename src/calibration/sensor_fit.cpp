@@ -198,19 +198,19 @@ CountFit fit_counts(const std::vector<CountHistogram>& histograms, bool first_is
   const MaximumLikelihood found = maximise(from, evaluate, 1e-3);
   CountFit fit;
   fit.law = law_of(found.values, 0);
-  fit.bias_error = std::sqrt(found.covariance(0, 0));
-  fit.read_noise_error = fit.law.read_noise_counts * std::sqrt(found.covariance(1, 1));
+  const Eigen::MatrixXd covariance = found.covariance();
+  fit.bias_error = std::sqrt(covariance(0, 0));
+  fit.read_noise_error = fit.law.read_noise_counts * std::sqrt(covariance(1, 1));
   if (gain_free) {
-    fit.em_gain_error = fit.law.em_gain * std::sqrt(found.covariance(gain_at, gain_at));
-    fit.events_by_gain = found.covariance(events_at[0], gain_at) / found.covariance(gain_at, gain_at);
+    fit.em_gain_error = fit.law.em_gain * std::sqrt(covariance(gain_at, gain_at));
+    fit.events_by_gain = covariance(events_at[0], gain_at) / covariance(gain_at, gain_at);
   }
-  if (options.serial)
-    fit.serial_error = fit.law.serial_events * std::sqrt(found.covariance(serial_at, serial_at));
+  if (options.serial) fit.serial_error = fit.law.serial_events * std::sqrt(covariance(serial_at, serial_at));
   for (int h = 0; h < count; ++h) {
     const CountLaw law = law_of(found.values, h);
     fit.events_e.push_back(law.events_e);
     fit.spread.push_back(law.events_spread);
-    fit.events_error.push_back(law.events_e * std::sqrt(found.covariance(events_at[h], events_at[h])));
+    fit.events_error.push_back(law.events_e * std::sqrt(covariance(events_at[h], events_at[h])));
     const std::vector<double> probabilities = expected(found.values, h);
     const double total = static_cast<double>(histograms[h].total());
     double seen = 0, due = 0;

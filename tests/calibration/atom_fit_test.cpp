@@ -92,9 +92,10 @@ PaperFit fit_as_the_paper(const std::vector<float>& values) {
   Eigen::VectorXd start(7);
   start << 0.4, -0.2, 0, atom_e, std::log(empty_sigma), std::log(27.0), std::log(24.0);
   const MaximumLikelihood best = maximise(start, evaluate, 1e-4, 60);
+  const Eigen::MatrixXd covariance = best.covariance();
   const double stays = 1 / (1 + std::exp(-best.values(1)));
-  return {stays, stays * (1 - stays) * std::sqrt(best.covariance(1, 1)), best.values(3) - best.values(2),
-          std::sqrt(best.covariance(2, 2) + best.covariance(3, 3) - 2 * best.covariance(2, 3))};
+  return {stays, stays * (1 - stays) * std::sqrt(covariance(1, 1)), best.values(3) - best.values(2),
+          std::sqrt(covariance(2, 2) + covariance(3, 3) - 2 * covariance(2, 3))};
 }
 
 TEST(AtomFit, LostAtomsHaveShotNoiseOfTheirOwn) {

@@ -150,7 +150,7 @@ BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
   if (options.of_detection && count > 0)
     ground = std::make_unique<DetectionGround>(lab, parse_notes(stack.notes, "blind"), options.frames,
                                                options.darks, options.threads);
-  for (int k = 0; k < count && !known.empty(); ++k) {
+  for (int k = 0; k < count && !known.empty();) {
     const std::size_t which = draw.index(known.size());
     const EffectDeclaration& effect = *known[which];
     known.erase(known.begin() + static_cast<std::ptrdiff_t>(which));
@@ -167,18 +167,19 @@ BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
       values.push_back(std::clamp(value, p.minimum, p.maximum));
       if (p.integer) values.back() = std::round(values.back());
     }
-    BlindEffect& sealed = stack.effects.emplace_back();
-    sealed.name = effect.name;
-    sealed.stage = effect.stage();
+    BlindEffect sealed{effect.name, std::string(effect.stage())};
     if (ground) {
       const DetectionStrength seen = ground->of(effect, values);
+      const double most = effect.parameters.front().maximum;
+      if (!seen.reached || multiple * seen.strength > most) continue;  // another one
       sealed.detection_strength = seen.strength;
       sealed.matched_filter = seen.matched_filter;
-      const ParameterDeclaration& first = effect.parameters.front();
-      values.front() = std::clamp(multiple * seen.strength, first.minimum, first.maximum);
+      values.front() = multiple * seen.strength;
     }
     sealed.strength = values.front();
+    stack.effects.push_back(sealed);
     chosen[effect.name] = values;
+    ++k;
   }
   lab.effects = chosen;
   lab.place_sites();

@@ -29,7 +29,8 @@ struct BlindOptions {
   std::vector<std::string> effects;
   double none_share = 0.2, pair_share = 0.2;
   /// Strengths are drawn evenly (in the logarithm) between these multiples of the effect's default, or of the
-  /// strength at which nine of ten stacks of this lab with so many frames and darks show a gap.
+  /// strength at which nine of ten stacks of this lab with so many frames and darks show a gap (of effects
+  /// that the catalogue allows to be so strong).
   double weakest = 0.5, strongest = 3;
   bool of_detection = false;
   std::size_t frames = 300, darks = 100;

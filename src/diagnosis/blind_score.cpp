@@ -129,6 +129,9 @@ std::string BlindScore::tables() const {
   if (null_p_.size() >= 20)
     out += fmt::format("| p-values without effect are uniform (Kolmogorov-Smirnov) | p = {:.2g} |\n",
                        uniform_p_value(null_p_));
+  if (refused_ > 0)
+    out += fmt::format("| refused: no calibration, not counted below | {} |\n",
+                       share(refused_, refused_ + total.stacks));
   out += fmt::format("| detected, of stacks with effects | {} |\n", share(seen, with));
   if (!over_matched_filter_.empty())
     out +=

@@ -26,6 +26,8 @@ struct BlindResult {
 class BlindScore {
  public:
   void add(const BlindResult& result);
+  /// A stack that could not be diagnosed: calibration refused it.
+  void add_refused() { ++refused_; }
   /// Markdown: outcomes by sealed effect, rates, and what each sealed effect was called.
   std::string tables() const;
 
@@ -42,6 +44,7 @@ class BlindScore {
   std::vector<double> null_p_;
   std::vector<double> over_matched_filter_;  // detection strengths
   int strengths_ = 0, covered_ = 0;
+  int refused_ = 0;
   int pairs_ = 0, pairs_both_ = 0;
 };
 

@@ -159,11 +159,18 @@ void score(const ScoreOptions& options) {
         how.cache = options.cache.path();
         const auto frames = open_frames(folder / name / "frames.tif"),
                    darks = open_frames(folder / name / "darks.tif");
-        const Diagnosis diagnosis =
-            diagnose(read_notes(folder / name / "lab.json"), *frames, darks.get(), how);
-        DiagnosisInputs inputs;
-        inputs.exclude = how.exclude;
-        write_text(result, diagnosis_json(diagnosis, inputs));
+        try {
+          const Diagnosis diagnosis =
+              diagnose(read_notes(folder / name / "lab.json"), *frames, darks.get(), how);
+          DiagnosisInputs inputs;
+          inputs.exclude = how.exclude;
+          write_text(result, diagnosis_json(diagnosis, inputs));
+        } catch (const Error& error) {
+          fmt::print(stderr, "stack {} is refused: {}\n", name, error.what());
+          tables.add_refused();
+          progress.update(++done);
+          continue;
+        }
       }
       tables.add(result_of(seal, read_json(result)));
       progress.update(++done);

@@ -47,8 +47,8 @@ std::size_t squared(int size) {
 }  // namespace
 
 FourierLine::FourierLine(int size) {
-  // Tables come in a handful of sizes, so the plans that are kept are as few.
-  static std::map<int, fftw_plan> plans;
+  // Tables come in a handful of sizes, so the plans that are kept are as few. They are there until the end.
+  static auto& plans = *new std::map<int, fftw_plan>;
   const std::scoped_lock lock(planner());
   fftw_plan& plan = plans[size];
   if (plan == nullptr) {

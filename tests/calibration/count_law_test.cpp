@@ -113,9 +113,11 @@ CountHistogram histogram_of(const Lab& lab, int frames) {
   CountHistogram histogram;
   histogram.first = 100;
   histogram.occurrences.assign(4000, 0);
-  for (int n = 0; n < frames; ++n)
-    for (const std::uint16_t count : simulation.render(static_cast<std::uint64_t>(n)).counts.pixels())
+  for (int n = 0; n < frames; ++n) {
+    const auto frame = simulation.render(static_cast<std::uint64_t>(n));
+    for (const std::uint16_t count : frame.counts.pixels())
       if (count >= 100 && count < 4100) ++histogram.occurrences[count - 100u];
+  }
   return histogram;
 }
 

@@ -5,18 +5,18 @@
 #include <cmath>
 #include <complex>
 #include <map>
-#include <mutex>
 #include <numbers>
 #include <numeric>
+
+#include "base/fftw_planner.hpp"
 
 namespace atomcam {
 namespace {
 
-/// Plans are made once per size; executing one on other arrays is thread safe.
+/// Plans are made once per size and there until the end; executing one on other arrays is thread safe.
 fftw_plan inverse_plan(int size) {
-  static std::mutex mutex;
-  static std::map<int, fftw_plan> plans;
-  const std::lock_guard lock(mutex);
+  static auto& plans = *new std::map<int, fftw_plan>;
+  const std::scoped_lock lock(fftw_planner());
   const auto found = plans.find(size);
   if (found != plans.end()) return found->second;
   auto* in = fftw_alloc_complex(static_cast<std::size_t>(size) / 2 + 1);

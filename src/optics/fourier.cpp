@@ -3,7 +3,8 @@
 #include <fftw3.h>
 
 #include <map>
-#include <mutex>
+
+#include "base/fftw_planner.hpp"
 
 namespace atomcam {
 namespace {
@@ -11,21 +12,15 @@ namespace {
 // Estimated plans depend on no measurement, scalar code on no processor: the same bits on every run.
 constexpr unsigned plan_flags = FFTW_ESTIMATE | FFTW_NO_SIMD;
 
-// FFTW's planner is not thread safe; executing a plan is.
-std::mutex& planner() {
-  static std::mutex mutex;
-  return mutex;
-}
-
 class Plan {
  public:
   template <class Make>
   explicit Plan(Make make) {
-    const std::scoped_lock lock(planner());
+    const std::scoped_lock lock(fftw_planner());
     plan_ = make();
   }
   ~Plan() {
-    const std::scoped_lock lock(planner());
+    const std::scoped_lock lock(fftw_planner());
     fftw_destroy_plan(plan_);
   }
   Plan(const Plan&) = delete;
@@ -49,7 +44,7 @@ std::size_t squared(int size) {
 FourierLine::FourierLine(int size) {
   // Tables come in a handful of sizes, so the plans that are kept are as few. They are there until the end.
   static auto& plans = *new std::map<int, fftw_plan>;
-  const std::scoped_lock lock(planner());
+  const std::scoped_lock lock(fftw_planner());
   fftw_plan& plan = plans[size];
   if (plan == nullptr) {
     std::vector<std::complex<double>> from(static_cast<std::size_t>(size)), to(from.size());

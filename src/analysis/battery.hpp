@@ -2,6 +2,7 @@
 // The battery: what is measured in a stack. Every statistic is one number with a place in the camera's chain
 // and an axis along which it lives; real and simulated stacks go through the same code.
 
+#include <algorithm>
 #include <cstddef>
 #include <span>
 #include <string>
@@ -24,6 +25,10 @@ struct StatisticDeclaration {
 struct BatterySplit {
   std::size_t block = 10;
 };
+/// Blocks of so many frames, or fewer: a stack has eight blocks at least.
+inline BatterySplit split_of(std::size_t frames, std::size_t block = BatterySplit{}.block) {
+  return {std::max<std::size_t>(1, std::min(block, frames / 8))};
+}
 
 /// Values in the order of battery(model, darks); NaN where a statistic cannot be had (too few frames or
 /// sites).

@@ -53,12 +53,9 @@ struct Stamp {
 
 class Model {
  public:
-  Model(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start, int radius_px,
-        int samples)
-      : mean_(mean),
-        pupil_image_(optics, radius_px, samples),
-        pupil_changes_(optics, radius_px, PupilImage::rough),
-        lattice_(start) {}
+  /// `changes`: gives the derivatives, which only say where to go and how sure that is: a rough one will do.
+  Model(const MeanImage& mean, const Lattice& start, const PupilImage& image, const PupilImage& changes)
+      : mean_(mean), pupil_image_(image), pupil_changes_(changes), lattice_(start) {}
 
   int sites() const { return lattice_.sites(); }
   Eigen::Index size() const { return shape_parameters + sites() + 1; }
@@ -232,8 +229,7 @@ class Model {
 
  private:
   const MeanImage& mean_;
-  PupilImage pupil_image_;
-  PupilImage pupil_changes_;  // derivatives only say where to go and how sure that is: a rough pupil will do
+  const PupilImage &pupil_image_, &pupil_changes_;
   Lattice lattice_;
 };
 
@@ -347,8 +343,9 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   bool first = true;
   const double wave = optics.wavelength_um;
   MeanImage near = mean;
-  const Model rough(near, optics, start, radius, PupilImage::rough);
-  const Model model(near, optics, start, radius, PupilImage::precise);
+  const PupilImage rough_pupil(optics, radius, PupilImage::rough), pupil(optics, radius);
+  const Model rough(near, start, rough_pupil, rough_pupil);
+  const Model model(near, start, pupil, rough_pupil);
   const auto roughly = [&](const Eigen::VectorXd& p, bool derivatives) {
     return rough.evaluate(p, derivatives);
   };

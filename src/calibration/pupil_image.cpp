@@ -3,16 +3,13 @@
 #include <cmath>
 #include <numbers>
 
+#include "optics/sinc.hpp"
 #include "optics/zernike.hpp"
 
 namespace atomcam {
 namespace {
 
 constexpr double pi = std::numbers::pi;
-
-double sinc(double x) {
-  return std::fabs(x) < 1e-9 ? 1 : std::sin(pi * x) / (pi * x);
-}
 
 /// The part of a square of the pupil's grid that lies within the aperture.
 double share_inside(double x, double y, double spacing) {

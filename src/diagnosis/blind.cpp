@@ -145,7 +145,6 @@ BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
   const double lot = draw.uniform(0, 1);
   const int count = lot < options.none_share ? 0 : lot > 1 - options.pair_share ? 2 : 1;
   lab.place_sites();
-  auto chosen = lab.effects;
   std::unique_ptr<DetectionGround> ground;
   if (options.of_detection && count > 0)
     ground = std::make_unique<DetectionGround>(lab, parse_notes(stack.notes, "blind"), options.frames,
@@ -178,11 +177,9 @@ BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
     }
     sealed.strength = values.front();
     stack.effects.push_back(sealed);
-    chosen[effect.name] = values;
+    lab.effects[effect.name] = values;
     ++k;
   }
-  lab.effects = chosen;
-  lab.place_sites();
   check_lab(lab, "blind");
   return stack;
 }

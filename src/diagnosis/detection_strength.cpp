@@ -24,7 +24,7 @@ DetectionGround::DetectionGround(const Lab& lab, const Notes& notes, std::size_t
     : lab_(lab) {
   plan_.frames = frames;
   plan_.dark_frames = dark_frames;
-  plan_.split.block = std::max<std::size_t>(1, std::min<std::size_t>(plan_.split.block, frames / 8));
+  plan_.split = split_of(frames);
   plan_.threads = threads;
   const std::uint64_t number = numbers_of("detection/calibrated");
   const auto light = simulate_stack(lab_, plan_, number, true);
@@ -33,10 +33,10 @@ DetectionGround::DetectionGround(const Lab& lab, const Notes& notes, std::size_t
   input.notes = notes;
   input.frames = light.get();
   input.darks = darks.get();
-  calibration_ = calibrate(input);
-  plan_.model = calibration_.model;
+  const Calibration calibration = calibrate(input);
+  plan_.model = calibration.model;
   const BatteryValues values = measure(plan_.model, *light, darks.get(), plan_.split);
-  const RealStack real{&values, &calibration_, &notes};
+  const RealStack real{&values, &calibration, &notes};
   plain_ = plain_model(real, null_stacks, plan_);
 }
 

@@ -34,7 +34,6 @@ class DetectionGround {
 
   Lab lab_;
   StackPlan plan_;
-  Calibration calibration_;
   Model plain_;
 };
 

@@ -84,7 +84,7 @@ class Diagnoser {
     plan_.model = result_.calibration.model;
     plan_.frames = frames_.frames();
     plan_.dark_frames = darks_ ? darks_->frames() : 0;
-    plan_.split.block = std::max<std::size_t>(1, std::min(options_.block, plan_.frames / 8));
+    plan_.split = split_of(plan_.frames, options_.block);
     plan_.seed = options_.seed;
     plan_.threads = options_.threads;
     plan_.check_in = options_.check_in;

@@ -14,6 +14,7 @@
 #include "diagnosis/report_folder.hpp"
 #include "python/bindings.hpp"
 #include "python/long_work.hpp"
+#include "simulation/parallel.hpp"
 
 namespace atomcam {
 namespace {
@@ -54,7 +55,7 @@ std::unique_ptr<Diagnosed> diagnose_frames(const std::vector<Input>& in, const N
                                            const std::string& command, const std::string& folder,
                                            const py::object& progress) {
   auto made = std::make_unique<Diagnosed>();
-  made->threads = threads > 0 ? threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  made->threads = thread_count(threads);
   for (const auto& [role, name, sha256, stack] : in) {
     made->inputs.files.push_back(
         {role, name, sha256, stack ? stack->frames() : 0, stack ? stack->shape() : Shape{}});

@@ -67,7 +67,7 @@ void render_frames(const Simulation& simulation, const CameraSettings& settings,
                 fmt::format("room for {} pixels; {} frames of {} x {} need {}", counts.size(), range.count,
                             settings.output_width(), settings.output_height(), range.count * pixels));
   if (range.count == 0) return;
-  if (threads == 0) threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  threads = thread_count(threads);
   const int side_by_side = static_cast<int>(std::min<std::uint64_t>(range.count, threads));
   const int threads_each = threads / side_by_side;
   const Polling polling(poll);

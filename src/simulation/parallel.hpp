@@ -10,6 +10,11 @@
 
 namespace atomcam {
 
+/// As many as asked for; as the machine has cores if that is none.
+inline int thread_count(int asked = 0) {
+  return asked > 0 ? asked : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+}
+
 /// Calls body(i) for i in [0, count) on `threads` threads (the calling one included), in chunks of `chunk`.
 /// The first exception thrown by a call is thrown again here.
 template <class Body>

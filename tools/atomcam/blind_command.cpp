@@ -7,7 +7,6 @@
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "atomcam/cache_option.hpp"
 #include "atomcam/commands.hpp"
@@ -22,6 +21,7 @@
 #include "diagnosis/blind_score.hpp"
 #include "diagnosis/diagnosis.hpp"
 #include "diagnosis/diagnosis_json.hpp"
+#include "simulation/parallel.hpp"
 #include "simulation/simulation.hpp"
 
 namespace atomcam {
@@ -69,12 +69,8 @@ void write_stack(const Path& file, const Lab& lab, std::uint64_t first, std::uin
   writer->finish();
 }
 
-int all_cores() {
-  return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-}
-
 void make(MakeOptions options) {
-  if (options.blind.threads == 0) options.blind.threads = all_cores();
+  options.blind.threads = thread_count(options.blind.threads);
   for (const std::string& name : options.blind.effects)
     if (!find_effect(name)) throw Error("--effect", fmt::format("{} is not in the catalogue", name));
   const Path folder = options.output;
@@ -155,7 +151,7 @@ void score(const ScoreOptions& options) {
         how.exclude = options.exclude;
         if (options.exclude_truth)
           for (const Json& effect : seal["effects"]) how.exclude.push_back(effect["name"]);
-        how.threads = options.threads > 0 ? options.threads : all_cores();
+        how.threads = thread_count(options.threads);
         how.cache = options.cache.path();
         const auto frames = open_frames(folder / name / "frames.tif"),
                    darks = open_frames(folder / name / "darks.tif");

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <memory>
-#include <thread>
 
 #include "atomcam/cache_option.hpp"
 #include "atomcam/command_text.hpp"
@@ -20,6 +19,7 @@
 #include "diagnosis/diagnosis.hpp"
 #include "diagnosis/diagnosis_json.hpp"
 #include "diagnosis/report_folder.hpp"
+#include "simulation/parallel.hpp"
 
 namespace atomcam {
 namespace {
@@ -120,8 +120,7 @@ int run(const DiagnoseOptions& options) {
         {flats[n].get(), options.flats_exposures.empty() ? 0 : options.flats_exposures[n]});
   how.seed = options.seed;
   how.where_only = options.where_only;
-  how.threads = options.threads > 0 ? options.threads
-                                    : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  how.threads = thread_count(options.threads);
   how.cache = options.cache.path();
   Diagnosis diagnosis;
   {

@@ -8,7 +8,6 @@
 #include <future>
 #include <memory>
 #include <optional>
-#include <thread>
 
 #include "atomcam/commands.hpp"
 #include "atomcam/interrupt.hpp"
@@ -20,6 +19,7 @@
 #include "base/error.hpp"
 #include "data/npy.hpp"
 #include "data/stack.hpp"
+#include "simulation/parallel.hpp"
 #include "simulation/simulation.hpp"
 
 namespace atomcam {
@@ -59,9 +59,7 @@ void run(const RenderOptions& options) {
   catch_interrupts();
   at_run_time([&] {
     // Whole frames side by side; few frames share out their rows instead.
-    const auto threads = static_cast<std::uint64_t>(
-        options.threads > 0 ? options.threads
-                            : static_cast<int>(std::max(1u, std::thread::hardware_concurrency())));
+    const auto threads = static_cast<std::uint64_t>(thread_count(options.threads));
     const auto side_by_side = std::min(threads, std::max<std::uint64_t>(1, options.frames));
     const int threads_each = static_cast<int>(threads / side_by_side);
     const auto render = [&](std::uint64_t number) {

@@ -17,6 +17,7 @@
 #include "atomcam/run_command.hpp"
 #include "atomcam/set_option.hpp"
 #include "base/error.hpp"
+#include "simulation/parallel.hpp"
 #include "virtual_camera/virtual_camera.hpp"
 
 namespace atomcam {
@@ -129,7 +130,7 @@ CLI::Option* add_probability(CLI::App& command, const std::string& name, double&
 
 void add_serve_command(CLI::App& app) {
   auto options = std::make_shared<ServeOptions>();
-  options->camera.render_threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  options->camera.render_threads = thread_count();
   gige::DeviceOptions& device = options->camera.device;
   gige::FaultConfiguration& faults = device.faults;
   CLI::App* command =

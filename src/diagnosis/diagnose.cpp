@@ -451,7 +451,8 @@ class Diagnoser {
     for (auto k = final_.first_effect_parameter; k < static_cast<Eigen::Index>(final_.open.size()); ++k)
       known.push_back(k);
     const Standard fitting(final_.population, Part::fitting, {}, {}, 8);
-    const Eigen::VectorXd fitted = fitting.estimate(as_vector(real_.part[0]));
+    const Eigen::VectorXd fitted =
+        fitting.drawn_out(as_vector(real_.part[0]), final_.first_effect_parameter).value;
     Eigen::VectorXd values(static_cast<Eigen::Index>(known.size()));
     for (std::size_t k = 0; k < known.size(); ++k) values(static_cast<Eigen::Index>(k)) = fitted(known[k]);
     const Standard after(final_.population, Part::held_out, known, {}, 8);

@@ -236,7 +236,7 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
       if (went > 1.5 * one.width)
         one.width = std::min(1.5 * one.width, 0.15 * range);
       else if (went < 0.7 * one.width && step.distance < near)
-        one.width = std::clamp(std::max(1.5 * step.error(at), 0.01 * range), 0.5 * one.width, one.width);
+        one.width = std::clamp(std::max(2.5 * step.error(at), 0.01 * range), 0.5 * one.width, one.width);
     }
     last = step.distance;
     if (settled && round >= 1 && step.distance < near) break;

@@ -92,8 +92,9 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
                                               std::move(discrepancy), plain ? 8 : 3);
   model.test = std::make_unique<OmnibusTest>(*model.standard);
   model.z = model.standard->judge(statistics);
-  model.estimate = model.standard->estimate(statistics);
-  model.error = model.standard->estimate_error();
+  const auto estimate = model.standard->drawn_out(statistics, model.first_effect_parameter);
+  model.estimate = estimate.value;
+  model.error = estimate.error;
   const Eigen::VectorXd tolerated = model.standard->tolerated(model.z);
   model.p_value = model.test->p_value(tolerated);
   model.gap = gap_of(model.z);

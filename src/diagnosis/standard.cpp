@@ -15,6 +15,7 @@ constexpr double largest_z = 1e4;
 constexpr double ordinary = 4;  // deviations that a model's own stacks have now and then
 constexpr double still = 0.35;
 constexpr double far_reach = 20;  // widths
+constexpr double least_response = 0.2;
 
 std::vector<double> finite_column(const Eigen::MatrixXd& matrix, Eigen::Index column) {
   std::vector<double> values;
@@ -154,6 +155,11 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
           (without.draw_mean + delta.cwiseProduct(without.draw_spread)).transpose() - population.draws.row(k);
     }
   }
+  draws_off_ = population.draws.rowwise() - fit_.draw_mean.transpose();
+  response_.setOnes(m);
+  for (Eigen::Index j = 0; j < m; ++j)
+    if (const double square = draws_off_.col(j).squaredNorm(); square > 0)
+      response_(j) = std::clamp(1 + misses_.col(j).dot(draws_off_.col(j)) / square, least_response, 1.0);
   estimate_error_ =
       (misses_.colwise().squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, n))).cwiseSqrt();
   // A heavy tail counts as a wide law: the deviation is at least what the outer quantiles say.
@@ -233,6 +239,19 @@ Eigen::MatrixXd Standard::slopes() const {
 
 Eigen::VectorXd Standard::estimate(const Eigen::VectorXd& statistics) const {
   return fit_.draw_mean + deltas(fit_, scaled(fit_, statistics), {}, reach_).cwiseProduct(fit_.draw_spread);
+}
+
+Standard::Estimate Standard::drawn_out(const Eigen::VectorXd& statistics, Eigen::Index first) const {
+  Estimate out{estimate(statistics), estimate_error_};
+  const auto n = static_cast<double>(std::max<Eigen::Index>(1, misses_.rows()));
+  for (Eigen::Index j = first; j < out.value.size(); ++j) {
+    const double response = response_(j);
+    out.value(j) = fit_.draw_mean(j) + (out.value(j) - fit_.draw_mean(j)) / response;
+    // Estimate less draw, the estimate moved out: (miss + off) / response - off.
+    const Eigen::VectorXd misses = (misses_.col(j) + (1 - response) * draws_off_.col(j)) / response;
+    out.error(j) = std::sqrt(misses.squaredNorm() / n);
+  }
+  return out;
 }
 
 NullDistribution::NullDistribution(std::vector<double> samples) : sorted_(std::move(samples)) {

@@ -45,6 +45,14 @@ class Standard {
   const Eigen::VectorXd& estimate_error() const { return estimate_error_; }
   /// What those errors are for the population's own stacks: estimate less draw, [stack, parameter].
   const Eigen::MatrixXd& misses() const { return misses_; }
+  /// Slopes known from few stacks draw every estimate towards the middle of the draws. A calibration's
+  /// parameter is drawn as it is known, and is best left there; what an effect's are drawn from is no
+  /// knowledge. The same estimate and its errors, those of the parameters from `first` on moved out as far as
+  /// estimates of the population's own stacks fall short of their draws.
+  struct Estimate {
+    Eigen::VectorXd value, error;
+  };
+  Estimate drawn_out(const Eigen::VectorXd& statistics, Eigen::Index first) const;
   /// Standard deviation of each statistic's residual, in the statistic's unit.
   const Eigen::VectorXd& deviation() const { return deviation_; }
   /// What the model expects with its open parameters at the draws' mean, and by how much a unit of each
@@ -73,7 +81,9 @@ class Standard {
   Eigen::VectorXd deviation_;
   std::vector<bool> erratic_;
   Eigen::MatrixXd own_, misses_;
+  Eigen::MatrixXd draws_off_;  // [stack, parameter] draws less their mean
   Eigen::VectorXd estimate_error_;
+  Eigen::VectorXd response_;  // of an estimate to its draw: 1 if it follows
 };
 
 /// Upper tail of a null distribution that is known by samples: their ranks, and beyond the highest tenth an

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <random>
 
 namespace atomcam {
@@ -25,12 +26,12 @@ struct Lines {
     for (double& value : values) value += normal(random);
     return values;
   }
-  Population population() {
+  Population population(double width = 1) {
     Population made;
     made.draws.resize(stacks, parameters);
     made.whole.resize(stacks, statistics);
     for (Eigen::Index n = 0; n < stacks; ++n) {
-      for (Eigen::Index j = 0; j < parameters; ++j) made.draws(n, j) = normal(random);
+      for (Eigen::Index j = 0; j < parameters; ++j) made.draws(n, j) = width * normal(random);
       made.whole.row(n) = stack(made.draws.row(n).transpose()).transpose();
     }
     return made;
@@ -44,6 +45,42 @@ TEST(Standard, TakesOffWhatAParameterExplains) {
   EXPECT_LT(z.cwiseAbs().maxCoeff(), 4);
   EXPECT_NEAR(standard.estimate(lines.stack(Eigen::Vector2d(1.5, -1)))(0), 1.5,
               5 * standard.estimate_error()(0));
+}
+
+// Draws as narrow as the error leave slopes in the noise: the plain estimate stays near their middle, the one
+// drawn out is right in the mean and knows how far it scatters.
+TEST(Standard, AnEffectIsNotDrawnTowardsTheMiddleOfItsDraws) {
+  Lines lines;
+  const double width = 0.12, truth = 0.36;
+  double plain = 0, sum = 0, squares = 0, error = 0;
+  constexpr int populations = 40, looks = 25;
+  for (int n = 0; n < populations; ++n) {
+    const Standard standard(lines.population(width), Part::whole);
+    double middle = 0;
+    for (int k = 0; k < looks; ++k) {
+      const Eigen::VectorXd stack = lines.stack(Eigen::Vector2d(truth, 0));
+      const Standard::Estimate out = standard.drawn_out(stack, 0);
+      plain += standard.estimate(stack)(0) / (populations * looks);
+      middle += out.value(0) / looks;
+      squares += std::pow(out.value(0) - truth, 2) / (populations * looks);
+      error += std::pow(out.error(0), 2) / populations / looks;
+    }
+    sum += middle / populations;
+  }
+  EXPECT_LT(plain, 0.85 * truth);
+  EXPECT_NEAR(sum, truth, 0.05);
+  EXPECT_NEAR(std::sqrt(error / squares), 1, 0.25);
+}
+
+// A calibration's parameter is left where it is known to be.
+TEST(Standard, DrawsOutFromTheFirstOnly) {
+  Lines lines;
+  const Standard standard(lines.population(0.12), Part::whole);
+  const Eigen::VectorXd stack = lines.stack(Eigen::Vector2d(0.36, 0.36));
+  const Standard::Estimate out = standard.drawn_out(stack, 1);
+  EXPECT_EQ(out.value(0), standard.estimate(stack)(0));
+  EXPECT_EQ(out.error(0), standard.estimate_error()(0));
+  EXPECT_NE(out.value(1), standard.estimate(stack)(1));
 }
 
 // A parameter far off is a gap for the frames that were calibrated, but not for an effect's stack that would

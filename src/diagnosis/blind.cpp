@@ -91,11 +91,25 @@ std::string notes_text(const Notes& notes) {
   return json.dump(1);
 }
 
+/// The effects to choose among that make sense on this camera.
+std::vector<const EffectDeclaration*> effects_on(bool emccd, const BlindOptions& options) {
+  std::vector<const EffectDeclaration*> list;
+  for (const EffectDeclaration& effect : effect_catalogue()) {
+    if (!(emccd ? effect.emccd : effect.qcmos)) continue;
+    if (!options.effects.empty() &&
+        std::find(options.effects.begin(), options.effects.end(), effect.name) == options.effects.end())
+      continue;
+    list.push_back(&effect);
+  }
+  return list;
+}
+
 }  // namespace
 
 BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
   Draw draw(options.seed, number);
-  const bool emccd = draw.uniform(0, 1) < 0.5;
+  bool emccd = draw.uniform(0, 1) < 0.5;
+  if (effects_on(emccd, options).empty()) emccd = !emccd;
   const Notes notes = set_points(emccd, options, draw);
   BlindStack stack;
   stack.notes = notes_text(notes);
@@ -134,14 +148,7 @@ BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
   lab.optics.zernike_um[3] = draw.uniform(0.02, 0.07);
   for (int term = 4; term < zernike_terms; ++term) lab.optics.zernike_um[term] = draw.uniform(-0.015, 0.015);
 
-  std::vector<const EffectDeclaration*> known;
-  for (const EffectDeclaration& effect : effect_catalogue()) {
-    if (!(emccd ? effect.emccd : effect.qcmos)) continue;
-    if (!options.effects.empty() &&
-        std::find(options.effects.begin(), options.effects.end(), effect.name) == options.effects.end())
-      continue;
-    known.push_back(&effect);
-  }
+  std::vector<const EffectDeclaration*> known = effects_on(emccd, options);
   const double lot = draw.uniform(0, 1);
   const int count = lot < options.none_share ? 0 : lot > 1 - options.pair_share ? 2 : 1;
   lab.place_sites();

@@ -231,6 +231,7 @@ class Diagnoser {
       atomcam::judge(model, real_, stacks, plan_, numbers_of("judge/" + contenders[k].name), &plain_,
                      part(title(model), at(0.7 + 0.1 * static_cast<double>(k)),
                           at(0.8 + 0.1 * static_cast<double>(k)), stacks));
+      widen(model, real_, stacks, plan_, numbers_of("widen/" + contenders[k].name));
       note(model, contenders[k].evidence);
       judged.push_back(std::move(model));
     }
@@ -316,6 +317,14 @@ class Diagnoser {
       Eigen::Index at = 0;
       view.miss.minCoeff(&at);
       start_at(scans[k].draws.row(at).transpose(), ", nearest");
+      if (k >= 2) continue;
+      // And the effect in its usual form: far from it a valley may lead away.
+      Eigen::VectorXd usual = view.best;
+      for (Eigen::Index j = 1; j < usual.size(); ++j) {
+        const Uncertain& one = scans[k].open[static_cast<std::size_t>(j)];
+        if (one.cycle == 0) usual(j) = one.usual;
+      }
+      start_at(usual, ", usual");
     }
     std::vector<Model> singles = fit_and_judge(std::move(contenders), 0.58, 0.8);
     if (choose(singles)) return;

@@ -12,7 +12,10 @@ constexpr double trust = 2.5;       // widths of an effect's parameter that a st
 constexpr double plain_trust = 5;   // and of a calibration's
 constexpr double prior_widths = 6;  // of a step, in widths: keeps what the data do not say where it is
 
-constexpr double near = 1.3;  // mean square of the deviations of a place from which widths shrink
+// Widths shrink where the mean square of the deviations is below this, or a parameter has stayed where it is
+// for some rounds: over wide draws statistics bend, and what looks far away may only be that.
+constexpr double near = 1.3;
+constexpr int still_rounds = 2;
 
 // A way may lead over a hill, as the calibration follows the effects a step later.
 constexpr int uphill_rounds = 2;
@@ -22,6 +25,8 @@ constexpr double lost = 3;  // times the best distance: no hill is that high
 // are the end of the way.
 constexpr int plateau_rounds = 3;
 constexpr double plateau_gain = 0.03;
+// But a parameter that goes on the same way, by this part of its range in each of two rounds, is on its way.
+constexpr double stride = 0.02;
 
 /// Where a fit stands.
 struct Place {
@@ -181,6 +186,8 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
   double last = 1e300;
   int uphill = 0, on_plateau = 0;
   double plateau = model.distance;
+  std::vector<double> ways(model.open.size());  // of the last round, in parts of the ranges
+  std::vector<int> still(model.open.size());    // rounds with steps that are small beside the widths
   for (int round = 0; round < rounds && (on_plateau < plateau_rounds || plateau < near); ++round) {
     const std::uint64_t number = first + static_cast<std::uint64_t>(round) * 10000;
     recalibrate(model, ground.real, plan, number + 5000);
@@ -211,7 +218,7 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
       best = {model.open, step.distance};
       uphill = 0;
     }
-    bool settled = true;
+    bool settled = true, on_its_way = false;
     for (std::size_t k = 0; k < model.open.size(); ++k) {
       Uncertain& one = model.open[k];
       const auto at = static_cast<Eigen::Index>(k);
@@ -232,12 +239,18 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
       const double range = one.highest - one.lowest;
       const double went = std::fabs(moved - one.centre);
       if (went > std::max(1.5 * step.error(at), 0.004 * range)) settled = false;
+      const double way = one.cycle > 0 ? 0 : (moved - one.centre) / range;
+      double& before = ways[k];
+      if (std::min(std::fabs(way), std::fabs(before)) > stride && (way > 0) == (before > 0))
+        on_its_way = true;
+      before = way;
       one.centre = moved;
       if (went > 1.5 * one.width)
         one.width = std::min(1.5 * one.width, 0.15 * range);
-      else if (went < 0.7 * one.width && step.distance < near)
-        one.width = std::clamp(std::max(2.5 * step.error(at), 0.01 * range), 0.5 * one.width, one.width);
+      else if (went < 0.7 * one.width && (step.distance < near || ++still[k] >= still_rounds))
+        one.width = std::clamp(std::max(1.5 * step.error(at), 0.01 * range), 0.5 * one.width, one.width);
     }
+    if (on_its_way) on_plateau = std::max(0, on_plateau - 1);
     last = step.distance;
     if (settled && round >= 1 && step.distance < near) break;
   }

@@ -102,11 +102,35 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   model.correlation = std::make_unique<Correlation>(model.standard->own());
   const auto& solver = model.correlation->solver;
   const Eigen::VectorXd y = compressed(tolerated);
+  const Eigen::ArrayXd deviation = model.standard->deviation().array();
+  const Eigen::ArrayXd scatter = (deviation.square() + model.standard->discrepancy().array().square()).sqrt();
   model.log_likelihood = -0.5 * y.dot(solver.solve(y)) -
                          0.5 * solver.vectorD().array().max(1e-12).log().sum() -
-                         (model.standard->deviation().array() > 0)
-                             .select(model.standard->deviation().array().max(1e-12).log(), 0.0)
-                             .sum();
+                         (deviation > 0).select(scatter.max(1e-12).log(), 0.0).sum();
+}
+
+void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first) {
+  constexpr double follows = 0.75, wider = 2.2, widest = 0.12;  // the last: of a parameter's range
+  constexpr int times = 2;
+  Eigen::VectorXd response = model.standard->response();
+  for (int time = 0; time < times; ++time) {
+    bool narrow = false;
+    for (auto k = model.first_effect_parameter; k < response.size(); ++k) {
+      Uncertain& one = model.open[static_cast<std::size_t>(k)];
+      const double most = widest * (one.highest - one.lowest);
+      if (one.width <= 0 || one.width >= most || response(k) > follows) continue;
+      one.width = std::min(wider * one.width, most);
+      narrow = true;
+    }
+    if (!narrow) return;
+    model.population = simulate_population(model.lab, model.open, stacks, plan,
+                                           first + static_cast<std::uint64_t>(time) * 10000);
+    const Standard wide(model.population, Part::whole, {}, model.standard->discrepancy(), 8);
+    const auto estimate = wide.drawn_out(as_vector(real.whole), model.first_effect_parameter);
+    model.estimate = estimate.value;
+    model.error = estimate.error;
+    response = wide.response();
+  }
 }
 
 namespace {

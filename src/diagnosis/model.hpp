@@ -53,6 +53,10 @@ Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& rea
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,
            const Model* plain = nullptr, const std::function<void(int)>& progress = {});
 
+/// Draws that are narrow beside the error of an estimate hardly show how the statistics follow a parameter.
+/// `stacks` more, with wider draws of the effects' parameters that were so, to estimate them from.
+void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first);
+
 /// What the real stack is, besides its battery: how it was calibrated, so that simulated ones can be alike.
 struct RealStack {
   const BatteryValues* values = nullptr;

@@ -53,8 +53,12 @@ class Standard {
     Eigen::VectorXd value, error;
   };
   Estimate drawn_out(const Eigen::VectorXd& statistics, Eigen::Index first) const;
+  /// How much of a draw's way from the middle an estimate goes, per parameter.
+  const Eigen::VectorXd& response() const { return response_; }
   /// Standard deviation of each statistic's residual, in the statistic's unit.
   const Eigen::VectorXd& deviation() const { return deviation_; }
+  /// By how much the model may be wrong about each, in its unit.
+  const Eigen::VectorXd& discrepancy() const { return discrepancy_; }
   /// What the model expects with its open parameters at the draws' mean, and by how much a unit of each
   /// parameter's coordinate moves it: [statistic], [statistic, parameter].
   const Eigen::VectorXd& middle() const { return fit_.middle; }

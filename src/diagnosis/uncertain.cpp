@@ -198,6 +198,8 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect) {
     one.highest = logarithmic ? std::log(high) : high;
     one.centre = 0.5 * (one.lowest + one.highest);
     one.width = (one.highest - one.lowest) / std::sqrt(12.0);
+    one.usual = std::clamp(logarithmic ? std::log(std::max(low, p.default_value)) : p.default_value,
+                           one.lowest, one.highest);
     if (p.unit == "deg") one.cycle = p.maximum - p.minimum;
     one.value = [logarithmic, integer = p.integer](double c) {
       const double value = logarithmic ? std::exp(c) : c;

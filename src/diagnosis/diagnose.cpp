@@ -295,6 +295,7 @@ class Diagnoser {
       seen.share = one.best().share;
       result_.hypotheses.push_back(std::move(seen));
     }
+    constexpr double clear_share = 0.2;  // of the misfit: this effect is likely there
     std::vector<Contender> contenders;
     for (std::size_t k = 0; k < std::min<std::size_t>(6, scans.size()); ++k) {
       const ScanView& view = scans[k].best();
@@ -317,7 +318,7 @@ class Diagnoser {
       Eigen::Index at = 0;
       view.miss.minCoeff(&at);
       start_at(scans[k].draws.row(at).transpose(), ", nearest");
-      if (k >= 2) continue;
+      if (k >= 2 || view.share < clear_share) continue;
       // And the effect in its usual form: far from it a valley may lead away.
       Eigen::VectorXd usual = view.best;
       for (Eigen::Index j = 1; j < usual.size(); ++j) {
@@ -459,9 +460,9 @@ class Diagnoser {
     std::vector<Eigen::Index> known;
     for (auto k = final_.first_effect_parameter; k < static_cast<Eigen::Index>(final_.open.size()); ++k)
       known.push_back(k);
-    const Standard fitting(final_.population, Part::fitting, {}, {}, 8);
-    const Eigen::VectorXd fitted =
-        fitting.drawn_out(as_vector(real_.part[0]), final_.first_effect_parameter).value;
+    const Eigen::VectorXd fitted = final_.estimator(Part::fitting)
+                                       .drawn_out(as_vector(real_.part[0]), final_.first_effect_parameter)
+                                       .value;
     Eigen::VectorXd values(static_cast<Eigen::Index>(known.size()));
     for (std::size_t k = 0; k < known.size(); ++k) values(static_cast<Eigen::Index>(k)) = fitted(known[k]);
     const Standard after(final_.population, Part::held_out, known, {}, 8);

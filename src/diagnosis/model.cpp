@@ -25,6 +25,10 @@ Lab Model::lab_at(const Eigen::VectorXd& coordinates) const {
   return fitted;
 }
 
+Standard Model::estimator(Part part) const {
+  return Standard(wider.stacks() ? wider : population, part, {}, {}, effects.empty() ? 3 : 8);
+}
+
 Model Model::with_first_effects(std::size_t count, const Eigen::VectorXd& coordinates) const {
   Model fewer;
   fewer.effects.assign(effects.begin(), effects.begin() + static_cast<std::ptrdiff_t>(count));
@@ -112,10 +116,11 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
 void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first) {
   constexpr double follows = 0.75, wider = 2.2, widest = 0.12;  // the last: of a parameter's range
   constexpr int times = 2;
+  const Eigen::Index from = model.first_effect_parameter;
   Eigen::VectorXd response = model.standard->response();
   for (int time = 0; time < times; ++time) {
     bool narrow = false;
-    for (auto k = model.first_effect_parameter; k < response.size(); ++k) {
+    for (Eigen::Index k = from; k < response.size(); ++k) {
       Uncertain& one = model.open[static_cast<std::size_t>(k)];
       const double most = widest * (one.highest - one.lowest);
       if (one.width <= 0 || one.width >= most || response(k) > follows) continue;
@@ -123,13 +128,19 @@ void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan&
       narrow = true;
     }
     if (!narrow) return;
-    model.population = simulate_population(model.lab, model.open, stacks, plan,
-                                           first + static_cast<std::uint64_t>(time) * 10000);
-    const Standard wide(model.population, Part::whole, {}, model.standard->discrepancy(), 8);
-    const auto estimate = wide.drawn_out(as_vector(real.whole), model.first_effect_parameter);
+    Population population = simulate_population(model.lab, model.open, stacks, plan,
+                                                first + static_cast<std::uint64_t>(time) * 10000);
+    const Standard standard(population, Part::whole, {}, model.standard->discrepancy(), 8);
+    const auto estimate = standard.drawn_out(as_vector(real.whole), from);
+    // Over wider draws statistics bend: that must not cost more than it gains.
+    double gain = 0;
+    for (Eigen::Index k = from; k < response.size(); ++k)
+      gain += std::log(std::max(1e-12, model.error(k)) / std::max(1e-12, estimate.error(k)));
+    if (gain < 0) return;
     model.estimate = estimate.value;
     model.error = estimate.error;
-    response = wide.response();
+    model.wider = std::move(population);
+    response = standard.response();
   }
 }
 

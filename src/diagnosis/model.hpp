@@ -18,6 +18,7 @@ struct Model {
   std::vector<Uncertain> open;       // those of the calibration first, then the effects'
   Eigen::Index first_effect_parameter = 0;
   Population population;
+  Population wider;  // to estimate from, where the draws of `population` are too narrow for that; else empty
   std::unique_ptr<Standard> standard;
   std::unique_ptr<Correlation> correlation;  // of its own stacks' statistics
   std::unique_ptr<OmnibusTest> test;
@@ -33,6 +34,8 @@ struct Model {
   Lab fitted_lab() const;
   /// The lab with the open parameters at these coordinates.
   Lab lab_at(const Eigen::VectorXd& coordinates) const;
+  /// What the model's open parameters are estimated with, from a part of the real stack.
+  Standard estimator(Part part) const;
   /// The model with only the first `count` of its effects, fixed at these coordinates.
   Model with_first_effects(std::size_t count, const Eigen::VectorXd& coordinates) const;
 };
@@ -54,7 +57,7 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
            const Model* plain = nullptr, const std::function<void(int)>& progress = {});
 
 /// Draws that are narrow beside the error of an estimate hardly show how the statistics follow a parameter.
-/// `stacks` more, with wider draws of the effects' parameters that were so, to estimate them from.
+/// `stacks` more, with wider draws of the effects' parameters that were so, to estimate them from (`wider`).
 void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first);
 
 /// What the real stack is, besides its battery: how it was calibrated, so that simulated ones can be alike.

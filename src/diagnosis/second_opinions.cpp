@@ -282,9 +282,8 @@ class Comparison {
 }  // namespace
 
 OpinionModel opinion_model(const Model& model, const BatteryValues& real, bool as_calibrated) {
-  const bool plain = model.effects.empty();
-  const Standard standard(model.population, Part::fitting, {}, {}, plain ? 3 : 8);
-  Eigen::VectorXd fitted = standard.estimate(as_vector(real.part[0]));
+  const Standard standard = model.estimator(Part::fitting);
+  Eigen::VectorXd fitted = standard.drawn_out(as_vector(real.part[0]), model.first_effect_parameter).value;
   for (std::size_t k = 0; as_calibrated && k < model.open.size(); ++k)
     fitted(static_cast<Eigen::Index>(k)) = model.open[k].centre;
   OpinionModel opinion;

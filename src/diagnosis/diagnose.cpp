@@ -22,6 +22,8 @@ constexpr double worthwhile = 0.9;      // of the plain model's distance: farthe
 constexpr double like_own = 1.1;        // distance at which a fit is about as near as the model's own stacks
 constexpr double far_away = 1.6;        // nothing at this distance has ever closed two thirds of a gap
 
+constexpr double least_closed = 0.4;  // at best, of the gap on held-out frames, for an effect to be named
+
 /// Deviations of a model in units of the larger of two models' deviations; 0 where one of them has none.
 Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
   const auto a = model.deviation().array(), b = other.deviation().array();
@@ -519,8 +521,22 @@ class Diagnoser {
           one.imitates = imitated(found->best().predicted, other, found->clearest());
   }
 
+  /// What was fitted to one half of the frames and takes nothing off the other was chance.
+  void withdraw() {
+    for (Hypothesis& one : result_.hypotheses)
+      if (one.effects == final_.effects && one.p_value >= 0 && one.why_not.empty())
+        one.why_not = fmt::format("closes {:.0f} % of the gap on held-out frames", 100 * result_.gap.closed);
+    have_final_ = false;
+    result_.effects.clear();
+    result_.verdict = Verdict::unexplained;
+    result_.p_after = result_.p_gap;
+    result_.gap = {};
+    how_far();
+  }
+
   void conclude() {
     how_far();
+    if (have_final_ && result_.gap.closed_high < least_closed) withdraw();
     tell_apart();
     if (!options_.where_only) ask_others();
     result_.where = ranked_differences(declarations_, plain_.z, have_final_ ? final_.z : plain_.z);

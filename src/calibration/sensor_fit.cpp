@@ -241,28 +241,39 @@ QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
   fit.bias_counts = median(means);
   // Read noise from the quiet part of the pixels (3 % to 22 %): those that are noisier for a reason of their
   // own must neither raise nor widen the law. ln s^2 is the sum of ln sigma^2 (normal) and of ln chi^2 / n,
-  // whose variance and skewness are known; quantiles by Cornish and Fisher's first term.
+  // whose cumulants are known; quantiles by Cornish and Fisher's terms to the second order.
   const double degrees = std::max(1.0, n - 1);
   const double chi_variance = trigamma(degrees / 2), x = degrees / 2;
   const double chi_skewness =
       -(1 / (x * x) + 1 / (x * x * x) + 0.5 / (x * x * x * x)) / std::pow(chi_variance, 1.5);
+  const double chi_kurtosis =
+      (2 / (x * x * x) + 3 / std::pow(x, 4) + 2 / std::pow(x, 5)) / square(chi_variance);
   constexpr double low = -1.8808, high = -0.7722;  // normal quantiles of 3 % and 22 %
   const double distance = quantile(log_variances, 0.22) - quantile(log_variances, 0.03);
-  double width = std::sqrt(chi_variance), skewness = chi_skewness;
+  double width = std::sqrt(chi_variance), skewness = chi_skewness, kurtosis = chi_kurtosis;
+  const auto quantile_at = [&](double z) {  // in widths
+    return z + skewness / 6 * (z * z - 1) + kurtosis / 24 * (z * z - 3) * z -
+           skewness * skewness / 36 * (2 * z * z - 5) * z;
+  };
+  const auto stretch_at = [&](double z) {  // its slope
+    return 1 + skewness / 3 * z + kurtosis / 8 * (z * z - 1) - skewness * skewness / 36 * (6 * z * z - 5);
+  };
   for (int round = 0; round < 6; ++round) {
-    skewness = chi_skewness * std::pow(std::min(1.0, std::sqrt(chi_variance) / width), 3);
-    width = std::max(std::sqrt(chi_variance),
-                     distance / ((high - low) + skewness / 6 * (high * high - low * low)));
+    const double chi_part = std::min(1.0, std::sqrt(chi_variance) / width);
+    skewness = chi_skewness * std::pow(chi_part, 3);
+    kurtosis = chi_kurtosis * std::pow(chi_part, 4);
+    width = std::max(std::sqrt(chi_variance), distance / (quantile_at(high) - quantile_at(low)));
   }
   fit.read_noise_log_sigma = std::sqrt(std::max(0.0, square(width) - chi_variance) / 4);
-  const double mean_log = quantile(log_variances, 0.22) - width * (high + skewness / 6 * (high * high - 1));
+  const double mean_log = quantile(log_variances, 0.22) - width * quantile_at(high);
   const double sigma_median = std::exp(0.5 * (mean_log + 1 / degrees));
   fit.read_noise_counts = sigma_median * std::exp(square(fit.read_noise_log_sigma));
   // Error of ln noise = mean_log / 2 + log_sigma^2 from the covariance of the two quantiles.
   constexpr double density_low = 0.06804, density_high = 0.29611;  // of the normal law there
-  constexpr double variance_low = 0.03 * 0.97 / (density_low * density_low),
-                   variance_high = 0.22 * 0.78 / (density_high * density_high),
-                   covariance = 0.03 * 0.78 / (density_low * density_high);
+  const double scatter_low = stretch_at(low) / density_low, scatter_high = stretch_at(high) / density_high;
+  const double variance_low = 0.03 * 0.97 * square(scatter_low),
+               variance_high = 0.22 * 0.78 * square(scatter_high),
+               covariance = 0.03 * 0.78 * scatter_low * scatter_high;
   const double by_width = 0.5 * (-high + width) / (high - low), by_high = 0.5 + by_width, by_low = -by_width;
   const double quantile_variance =
       by_high * by_high * variance_high + by_low * by_low * variance_low + 2 * by_high * by_low * covariance;
@@ -293,9 +304,9 @@ QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
   // the quantiles in (Cornish and Fisher's term of the kurtosis).
   const double seen =
       square(robust_sigma(rest)) * pixels / (std::max(1, rows - 1) * std::max(1, columns - 1));
-  const double kurtosis = 3 * std::expm1(4 * square(fit.read_noise_log_sigma)) *
-                          square(std::min(1.0, noise_of_mean / std::max(seen, 1e-300)));
-  const double pixel_spread = seen * (1 + std::min(0.5, kurtosis / 6));
+  const double tails = 3 * std::expm1(4 * square(fit.read_noise_log_sigma)) *
+                       square(std::min(1.0, noise_of_mean / std::max(seen, 1e-300)));
+  const double pixel_spread = seen * (1 + std::min(0.5, tails / 6));
   fit.offset_sigma_counts = std::sqrt(std::max(0.0, pixel_spread - noise_of_mean));
   fit.offset_sigma_error =
       error_of_root(fit.offset_sigma_counts, robust_loss * pixel_spread / std::sqrt(pixels));

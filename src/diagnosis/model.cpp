@@ -204,10 +204,25 @@ Eigen::MatrixXd calibration_offsets(const Model& model, const RealStack& real, c
   return offsets;
 }
 
+/// Two stacks of one model that calibrate far apart: the one that is farther off has gone astray, and says
+/// nothing.
+void leave_out_the_astray(Eigen::MatrixXd& offsets, const std::vector<Uncertain>& open) {
+  constexpr double far_apart = 15;  // widths
+  for (Eigen::Index k = 0; k < offsets.rows(); ++k) {
+    if (offsets.cols() != 2) return;
+    const double width = open[static_cast<std::size_t>(k)].width;
+    if (!(width > 0) || !(std::fabs(offsets(k, 0) - offsets(k, 1)) > far_apart * width)) continue;
+    const Eigen::Index astray = std::fabs(offsets(k, 0)) > std::fabs(offsets(k, 1)) ? 0 : 1;
+    offsets.col(astray).setConstant(std::numeric_limits<double>::quiet_NaN());
+    return;
+  }
+}
+
 }  // namespace
 
 void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std::uint64_t first) {
-  const Eigen::MatrixXd offsets = calibration_offsets(model, real, plan, first);
+  Eigen::MatrixXd offsets = calibration_offsets(model, real, plan, first);
+  leave_out_the_astray(offsets, model.open);
   for (auto k = Eigen::Index{0}; k < model.first_effect_parameter; ++k) {
     Uncertain& one = model.open[static_cast<std::size_t>(k)];
     double sum = 0, count = 0;

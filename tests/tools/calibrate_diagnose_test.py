@@ -275,8 +275,8 @@ class Commands(unittest.TestCase):
                      (40, 40, 40), darks=self.plain)
 
     def test_darks_alone_are_welcome(self):
-        result, diagnosis, _ = self.diagnose(self.render("alone.npy", LAB % 0.6, 60, "--set",
-                                                         "camera.shutter_open=false"), "--where-only")
+        darks = self.plain_stack("alone.npy", 0.6, 60, "--set", "camera.shutter_open=false")
+        result, diagnosis, _ = self.diagnose(darks, "--where-only")
         self.assertEqual((result.returncode, diagnosis["verdict"]), (0, "no_gap"), diagnosis["sentence"])
 
     def plain_stack(self, name, filling, frames, *more):

@@ -222,7 +222,8 @@ void leave_out_the_astray(Eigen::MatrixXd& offsets, const std::vector<Uncertain>
 
 void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std::uint64_t first) {
   Eigen::MatrixXd offsets = calibration_offsets(model, real, plan, first);
-  leave_out_the_astray(offsets, model.open);
+  // With an effect calibrations may scatter as widely as that.
+  if (model.effects.empty()) leave_out_the_astray(offsets, model.open);
   for (auto k = Eigen::Index{0}; k < model.first_effect_parameter; ++k) {
     Uncertain& one = model.open[static_cast<std::size_t>(k)];
     double sum = 0, count = 0;

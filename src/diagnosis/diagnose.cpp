@@ -22,7 +22,7 @@ constexpr double worthwhile = 0.9;      // of the plain model's distance: farthe
 constexpr double like_own = 1.1;        // distance at which a fit is about as near as the model's own stacks
 constexpr double far_away = 1.6;        // nothing at this distance has ever closed two thirds of a gap
 
-constexpr double least_closed = 0.4;  // at best, of the gap on held-out frames, for an effect to be named
+constexpr double least_closed = 0.65;  // at best, of the gap on held-out frames, for an effect to be named
 
 /// Deviations of a model in units of the larger of two models' deviations; 0 where one of them has none.
 Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {

@@ -92,10 +92,10 @@ std::string notes_text(const Notes& notes) {
 }
 
 /// The effects to choose among that make sense on this camera.
-std::vector<const EffectDeclaration*> effects_on(bool emccd, const BlindOptions& options) {
+std::vector<const EffectDeclaration*> effects_on(CameraKind kind, const BlindOptions& options) {
   std::vector<const EffectDeclaration*> list;
   for (const EffectDeclaration& effect : effect_catalogue()) {
-    if (!(emccd ? effect.emccd : effect.qcmos)) continue;
+    if (!effect.on(kind)) continue;
     if (!options.effects.empty() &&
         std::find(options.effects.begin(), options.effects.end(), effect.name) == options.effects.end())
       continue;
@@ -109,7 +109,8 @@ std::vector<const EffectDeclaration*> effects_on(bool emccd, const BlindOptions&
 BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
   Draw draw(options.seed, number);
   bool emccd = draw.uniform(0, 1) < 0.5;
-  if (effects_on(emccd, options).empty()) emccd = !emccd;
+  const auto kind_of = [](bool is_emccd) { return is_emccd ? CameraKind::emccd : CameraKind::qcmos; };
+  if (effects_on(kind_of(emccd), options).empty()) emccd = !emccd;
   const Notes notes = set_points(emccd, options, draw);
   BlindStack stack;
   stack.notes = notes_text(notes);
@@ -148,7 +149,7 @@ BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
   lab.optics.zernike_um[3] = draw.uniform(0.02, 0.07);
   for (int term = 4; term < zernike_terms; ++term) lab.optics.zernike_um[term] = draw.uniform(-0.015, 0.015);
 
-  std::vector<const EffectDeclaration*> known = effects_on(emccd, options);
+  std::vector<const EffectDeclaration*> known = effects_on(kind_of(emccd), options);
   const double lot = draw.uniform(0, 1);
   const int count = lot < options.none_share ? 0 : lot > 1 - options.pair_share ? 2 : 1;
   lab.place_sites();

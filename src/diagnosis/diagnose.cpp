@@ -467,7 +467,7 @@ class Diagnoser {
                                        .value;
     Eigen::VectorXd values(static_cast<Eigen::Index>(known.size()));
     for (std::size_t k = 0; k < known.size(); ++k) values(static_cast<Eigen::Index>(k)) = fitted(known[k]);
-    const Standard after(final_.population, Part::held_out, known, {}, 8);
+    const Standard after(final_.population, Part::held_out, known, {}, effects_reach);
     const Eigen::VectorXd ratio = in_larger_units(after, before);
     gap.before = gap_of(before.judge(held_out).cwiseProduct(in_larger_units(before, after)));
     gap.after = gap_of(after.judge(held_out, values).cwiseProduct(ratio));
@@ -494,7 +494,7 @@ class Diagnoser {
       recalibrate(fewer, real_stack(), plan_, numbers_of("step calibration/" + step_name));
       fewer.population =
           simulate_population(fewer.lab, fewer.open, 40, plan_, numbers_of("step/" + step_name));
-      const Standard step(fewer.population, Part::held_out, {}, {}, 8);
+      const Standard step(fewer.population, Part::held_out, {}, {}, effects_reach);
       gap.steps.push_back(
           {fewer.effects.back(), gap_of(step.judge(held_out).cwiseProduct(in_larger_units(step, before)))});
     }

@@ -26,7 +26,8 @@ Lab Model::lab_at(const Eigen::VectorXd& coordinates) const {
 }
 
 Standard Model::estimator(Part part) const {
-  return Standard(wider.stacks() ? wider : population, part, {}, {}, effects.empty() ? 3 : 8);
+  return Standard(wider.stacks() ? wider : population, part, {}, {},
+                  effects.empty() ? plain_reach : effects_reach);
 }
 
 Model Model::with_first_effects(std::size_t count, const Eigen::VectorXd& coordinates) const {
@@ -93,7 +94,7 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   else
     discrepancy = optical_detail(Standard(model.population, Part::whole).deviation(), plan);
   model.standard = std::make_unique<Standard>(model.population, Part::whole, std::vector<Eigen::Index>{},
-                                              std::move(discrepancy), plain ? 8 : 3);
+                                              std::move(discrepancy), plain ? effects_reach : plain_reach);
   model.test = std::make_unique<OmnibusTest>(*model.standard);
   model.z = model.standard->judge(statistics);
   const auto estimate = model.standard->drawn_out(statistics, model.first_effect_parameter);
@@ -130,7 +131,7 @@ void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan&
     if (!narrow) return;
     Population population = simulate_population(model.lab, model.open, stacks, plan,
                                                 first + static_cast<std::uint64_t>(time) * 10000);
-    const Standard standard(population, Part::whole, {}, model.standard->discrepancy(), 8);
+    const Standard standard(population, Part::whole, {}, model.standard->discrepancy(), effects_reach);
     const auto estimate = standard.drawn_out(as_vector(real.whole), from);
     // Over wider draws statistics bend: that must not cost more than it gains.
     double gain = 0;
@@ -208,8 +209,8 @@ Eigen::MatrixXd calibration_offsets(const Model& model, const RealStack& real, c
 /// nothing.
 void leave_out_the_astray(Eigen::MatrixXd& offsets, const std::vector<Uncertain>& open) {
   constexpr double far_apart = 15;  // widths
+  if (offsets.cols() != 2) return;
   for (Eigen::Index k = 0; k < offsets.rows(); ++k) {
-    if (offsets.cols() != 2) return;
     const double width = open[static_cast<std::size_t>(k)].width;
     if (!(width > 0) || !(std::fabs(offsets(k, 0) - offsets(k, 1)) > far_apart * width)) continue;
     const Eigen::Index astray = std::fabs(offsets(k, 0)) > std::fabs(offsets(k, 1)) ? 0 : 1;

@@ -86,7 +86,7 @@ std::vector<const EffectDeclaration*> candidates(const Model& before,
     return std::find(names.begin(), names.end(), name) != names.end();
   };
   for (const EffectDeclaration& effect : effect_catalogue()) {
-    if (!(kind == CameraKind::emccd ? effect.emccd : effect.qcmos)) continue;
+    if (!effect.on(kind)) continue;
     if (has(excluded, effect.name) || has(before.effects, effect.name)) continue;
     if (before.lab.effects.contains(effect.name)) continue;  // the notes have it
     if (!sites && effect.plane == Plane::scene) continue;

@@ -155,13 +155,20 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
           (without.draw_mean + delta.cwiseProduct(without.draw_spread)).transpose() - population.draws.row(k);
     }
   }
-  draws_off_ = population.draws.rowwise() - fit_.draw_mean.transpose();
+  const auto root_mean_square = [n](const auto& column) {
+    return std::sqrt(column.squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, n)));
+  };
+  estimate_error_.resize(m);
+  drawn_out_error_.resize(m);
   response_.setOnes(m);
-  for (Eigen::Index j = 0; j < m; ++j)
-    if (const double square = draws_off_.col(j).squaredNorm(); square > 0)
-      response_(j) = std::clamp(1 + misses_.col(j).dot(draws_off_.col(j)) / square, least_response, 1.0);
-  estimate_error_ =
-      (misses_.colwise().squaredNorm() / static_cast<double>(std::max<Eigen::Index>(1, n))).cwiseSqrt();
+  for (Eigen::Index j = 0; j < m; ++j) {
+    const Eigen::VectorXd miss = misses_.col(j), off = population.draws.col(j).array() - fit_.draw_mean(j);
+    if (const double square = off.squaredNorm(); square > 0)
+      response_(j) = std::clamp(1 + miss.dot(off) / square, least_response, 1.0);
+    estimate_error_(j) = root_mean_square(miss);
+    // Estimate less draw, the estimate moved out: (miss + off) / response - off.
+    drawn_out_error_(j) = root_mean_square((miss + (1 - response_(j)) * off) / response_(j));
+  }
   // A heavy tail counts as a wide law: the deviation is at least what the outer quantiles say.
   deviation_.setZero(p);
   erratic_.assign(static_cast<std::size_t>(p), false);
@@ -243,13 +250,9 @@ Eigen::VectorXd Standard::estimate(const Eigen::VectorXd& statistics) const {
 
 Standard::Estimate Standard::drawn_out(const Eigen::VectorXd& statistics, Eigen::Index first) const {
   Estimate out{estimate(statistics), estimate_error_};
-  const auto n = static_cast<double>(std::max<Eigen::Index>(1, misses_.rows()));
   for (Eigen::Index j = first; j < out.value.size(); ++j) {
-    const double response = response_(j);
-    out.value(j) = fit_.draw_mean(j) + (out.value(j) - fit_.draw_mean(j)) / response;
-    // Estimate less draw, the estimate moved out: (miss + off) / response - off.
-    const Eigen::VectorXd misses = (misses_.col(j) + (1 - response) * draws_off_.col(j)) / response;
-    out.error(j) = std::sqrt(misses.squaredNorm() / n);
+    out.value(j) = fit_.draw_mean(j) + (out.value(j) - fit_.draw_mean(j)) / response_(j);
+    out.error(j) = drawn_out_error_(j);
   }
   return out;
 }

@@ -11,6 +11,10 @@ namespace atomcam {
 
 enum class Part { whole, fitting, held_out };
 
+/// How far from the centre of its draws a parameter may be, in their widths: of the plain model, where
+/// calibration has been there before, and of one with effects.
+inline constexpr double plain_reach = 3, effects_reach = 8;
+
 const Eigen::MatrixXd& values_of(const Population& population, Part part);
 
 /// Residuals with a discrepancy of the model counted as scatter beside the deviation.
@@ -28,7 +32,7 @@ class Standard {
   /// seen to that for the plain model: an effect must not be taken for a calibration that is hopelessly
   /// wrong.
   Standard(const Population& population, Part part, std::vector<Eigen::Index> known = {},
-           Eigen::VectorXd discrepancy = {}, double reach = 3);
+           Eigen::VectorXd discrepancy = {}, double reach = plain_reach);
 
   /// Residuals in standard deviations, one per statistic (0 where it cannot be said). `known_values`: of the
   /// known columns, coordinates.
@@ -85,9 +89,9 @@ class Standard {
   Eigen::VectorXd deviation_;
   std::vector<bool> erratic_;
   Eigen::MatrixXd own_, misses_;
-  Eigen::MatrixXd draws_off_;  // [stack, parameter] draws less their mean
   Eigen::VectorXd estimate_error_;
   Eigen::VectorXd response_;  // of an estimate to its draw: 1 if it follows
+  Eigen::VectorXd drawn_out_error_;
 };
 
 /// Upper tail of a null distribution that is known by samples: their ranks, and beyond the highest tenth an

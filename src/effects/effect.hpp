@@ -93,6 +93,8 @@ struct EffectDeclaration {
   bool acts_on_light = false;  // also, beside its own plane: apply_to_light
   std::unique_ptr<Effect> (*make)(const ParameterValues& values) = nullptr;
 
+  /// Whether it makes sense on such a camera.
+  bool on(CameraKind kind) const { return kind == CameraKind::emccd ? emccd : qcmos; }
   std::string_view stage() const;
 };
 

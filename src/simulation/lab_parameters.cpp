@@ -394,7 +394,7 @@ ParameterValues values_of_absent(const EffectDeclaration& effect) {
 
 void add_effects(ParameterList& list, CameraKind kind) {
   for (const EffectDeclaration& effect : effect_catalogue()) {
-    if (!(kind == CameraKind::emccd ? effect.emccd : effect.qcmos)) continue;
+    if (!effect.on(kind)) continue;
     for (std::size_t i = 0; i < effect.parameters.size(); ++i) {
       const ParameterDeclaration& parameter = effect.parameters[i];
       list.add_accessors(

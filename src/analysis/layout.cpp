@@ -52,6 +52,7 @@ Layout::Layout(const StackModel& model, bool for_darks)
       counts_per_e(static_cast<float>(std::max(model.counts_per_electron, 1e-6))),
       multiplied(model.excess_noise > 1.2),
       filling(model.filling),
+      expected(for_darks ? model.expected_dark : model.expected_light),
       inverse_scale(shape),
       quiet(shape),
       event_threshold(shape),

@@ -41,6 +41,7 @@ struct Layout {
   double white = 1;         // expected standard deviation of a dark pixel, counts
   bool multiplied = false;  // gain with excess noise: an exponential tail
   double filling = 0;
+  ExpectedCounts expected;  // of a dark pixel; empty without an EM register
   std::vector<PackedSite> packed;
   std::vector<SiteImage> sites;
   /// 1 / scale on which a pixel is clipped (that of a dark pixel and, under the sites, shot noise), per

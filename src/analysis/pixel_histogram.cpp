@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "analysis/family.hpp"
+#include "analysis/law_bands.hpp"
 
 namespace atomcam::analysis {
 namespace {
@@ -21,7 +22,9 @@ constexpr Quantile quantiles[] = {{"0001", .0001}, {"001", .001}, {"01", .01},  
 class PixelHistogram : public Family {
  public:
   explicit PixelHistogram(const Layout& layout)
-      : layout_(layout), counts_{std::vector<std::uint32_t>(codes), std::vector<std::uint32_t>(codes)} {}
+      : layout_(layout),
+        law_(layout),
+        counts_{std::vector<std::uint32_t>(codes), std::vector<std::uint32_t>(codes)} {}
 
   void first_look(const FirstLook& look) override {
     std::uint32_t* histogram = counts_[static_cast<std::size_t>(look.part)].data();
@@ -128,6 +131,7 @@ class PixelHistogram : public Family {
         if (around > 0) missing += std::pow(at(code) - around, 2) / (1.5 * around);
       }
     sheet.put("comb", std::log(missing / std::max(1.0, p84 - p16) + 0.1));
+    law_.put(below, static_cast<int>(first), sheet);
     sheet.kind({"pixel_histogram", "intensity", "whole frame"});
     sheet.put("smallest", std::asinh((quantile(0) - bias) / read));
     sheet.put("largest", std::log(std::max(quantile(1) - bias, 1.0)));
@@ -135,6 +139,7 @@ class PixelHistogram : public Family {
 
  private:
   const Layout& layout_;
+  LawBands law_;
   std::array<std::vector<std::uint32_t>, 2> counts_;
 };
 

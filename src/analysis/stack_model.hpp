@@ -20,6 +20,14 @@ struct SiteImage {
   RatioMap weight;
 };
 
+/// The law of a dark pixel's counts, and the ways in which another calibration would change it: from first +
+/// k counts on, k = 0 ... size - 1.
+struct ExpectedCounts {
+  int first = 0;
+  std::vector<double> probability;
+  std::vector<std::vector<double>> directions;  // derivatives of the probability
+};
+
 struct StackModel {
   Shape shape;
   double bias_counts = 0;
@@ -33,6 +41,8 @@ struct StackModel {
   std::vector<SiteImage> sites;  // may be empty
   /// Expected site light summed over all sites at unit amplitude (a site's whole light = 1), whole frame.
   PhotonImage site_light;
+  /// Of dark pixels with the shutter open and closed; empty without an EM register.
+  ExpectedCounts expected_light, expected_dark;
 };
 
 }  // namespace atomcam

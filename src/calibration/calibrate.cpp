@@ -12,6 +12,7 @@
 #include "calibration/parameter_table.hpp"
 #include "calibration/site_model.hpp"
 #include "calibration/stack_check.hpp"
+#include "effects/effect.hpp"
 #include "optics/zernike.hpp"
 
 namespace atomcam {
@@ -213,7 +214,8 @@ class Calibrator {
       if (options.serial) {
         const CountFit& fit = result_.counts;
         if (fit.law.serial_events > 2 * fit.serial_error)
-          result_.lab.effects["serial_cic"] = {std::min(1.0, fit.law.serial_events)};
+          result_.lab.effects["serial_cic"] = {
+              std::min(find_effect("serial_cic")->parameters.front().maximum, fit.law.serial_events)};
         else
           result_.lab.effects.erase("serial_cic");
       }

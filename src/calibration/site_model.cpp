@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "calibration/count_law.hpp"
 
@@ -16,6 +17,50 @@ int grid_columns(const Lab& lab) {
   return grid ? grid->columns : 0;
 }
 
+/// Calibration may move the bias, the read noise, the gain, the mean light and, where sites light the pixels
+/// unevenly, its spread.
+ExpectedCounts expected_counts(const CountLaw& law) {
+  const double gain = law.em_gain / law.electrons_per_count, light = law.events_e + law.serial_events;
+  const double below = 8 * law.read_noise_counts + 2;
+  const double above = below + (12 + light + 6 * std::sqrt(light)) * gain;
+  ExpectedCounts expected;
+  expected.first = static_cast<int>(std::floor(law.bias_counts - below));
+  const auto size = static_cast<int>(std::ceil(below + above));
+  constexpr int largest = 1 << 16;
+  int covered = 256;
+  while (covered < size && covered < largest) covered *= 2;
+  const auto probabilities = [&](const CountLaw& of) {
+    std::vector<double> list = count_probabilities(of, expected.first, covered);
+    list.resize(static_cast<std::size_t>(std::min(size, covered)));
+    return list;
+  };
+  expected.probability = probabilities(law);
+  const auto difference = [&](double CountLaw::*figure, double step) {
+    CountLaw less = law, more = law;
+    less.*figure -= step;
+    more.*figure += step;
+    const std::vector<double> low = probabilities(less);
+    std::vector<double> slope = probabilities(more);
+    for (std::size_t k = 0; k < slope.size(); ++k) slope[k] = (slope[k] - low[k]) / (2 * step);
+    return slope;
+  };
+  constexpr double part = 0.01;
+  expected.directions.push_back(difference(&CountLaw::bias_counts, part * law.read_noise_counts));
+  expected.directions.push_back(difference(&CountLaw::read_noise_counts, part * law.read_noise_counts));
+  expected.directions.push_back(difference(&CountLaw::em_gain, part * (law.em_gain - 1)));
+  if (law.events_e > 0) {
+    const double step = part * law.events_e;
+    expected.directions.push_back(difference(&CountLaw::events_e, step));
+    CountLaw spread = law;
+    spread.events_spread = 0.05;
+    std::vector<double> slope = probabilities(spread);
+    for (std::size_t k = 0; k < slope.size(); ++k)
+      slope[k] = (slope[k] - expected.probability[k]) / spread.events_spread;
+    expected.directions.push_back(std::move(slope));
+  }
+  return expected;
+}
+
 }  // namespace
 
 StackModel stack_model(const Lab& lab) {
@@ -24,6 +69,7 @@ StackModel stack_model(const Lab& lab) {
   model.shape = {camera.output_height(), camera.output_width()};
   model.bias_counts = camera.bias_counts;
   double quantum_efficiency = 1, area = camera.binning_x * camera.binning_y;
+  std::optional<CountLaw> law;  // of a pixel, where there is a register
   if (const auto* emccd = std::get_if<EmccdDescription>(&lab.sensor)) {
     const ReadoutMode& mode = emccd->readout_modes.at(static_cast<std::size_t>(camera.readout_mode));
     const bool multiplied = mode.amplifier == Amplifier::electron_multiplying && camera.em_gain > 1;
@@ -33,6 +79,16 @@ StackModel stack_model(const Lab& lab) {
     model.excess_noise = excess_noise_factor(gain, emccd->register_stages);
     model.dark_e = (emccd->dark_rate_e_per_s * camera.exposure_s + emccd->clock_induced_charge_e) * area;
     quantum_efficiency = emccd->quantum_efficiency;
+    if (multiplied) {
+      law.emplace();
+      law->bias_counts = model.bias_counts;
+      law->read_noise_counts = model.read_noise_counts;
+      law->electrons_per_count = mode.electrons_per_count;
+      law->em_gain = gain;
+      law->stages = emccd->register_stages;
+      if (const auto given = lab.effects.find("serial_cic"); given != lab.effects.end())
+        law->serial_events = given->second.front();
+    }
   } else {
     const auto& qcmos = std::get<QcmosDescription>(lab.sensor);
     const ReadoutMode& mode = qcmos.readout_modes.at(static_cast<std::size_t>(camera.readout_mode));
@@ -46,6 +102,12 @@ StackModel stack_model(const Lab& lab) {
                  collected_fraction(lab.optics.numerical_aperture) * lab.optics.transmission *
                  quantum_efficiency;
   model.filling = lab.scene.filling;
+  if (law) {
+    law->events_e = model.dark_e;
+    model.expected_dark = expected_counts(*law);
+    law->events_e += model.background_e;
+    model.expected_light = expected_counts(*law);
+  }
   model.site_light = PhotonImage(model.shape);
 
   const std::vector<Site>& sites = lab.scene.sites;

@@ -347,31 +347,64 @@ class Diagnoser {
                             with(with(plain_, one, match.best_first), two, match.best_second), match.gain});
     }
     std::vector<Model> pairs;
-    for (Model& model : fit_and_judge(std::move(candidates), 0.8, 1)) {
-      if (!all_significant(model)) continue;
+    std::vector<Contender> lone;
+    for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95)) {
+      const std::vector<std::string> needed = significant(model);
+      if (needed.size() < model.effects.size()) {
+        // It may be the place that the pair's fit found for one of the two that explains.
+        if (needed.size() == 1 && passes(model))
+          lone.push_back({needed.front() + ", of " + title(model), only(model, needed.front()),
+                          evidence_for(needed.front())});
+        continue;
+      }
       // The pair must leave much less than the better of the two alone, in its own standard deviations.
       const bool better = model.gap - model.floor < 0.3 * (left_alone->gap - left_alone->floor) &&
                           model.log_likelihood > left_alone->log_likelihood + 2 * second_evidence;
       if (model.p_value >= reject_level || better) pairs.push_back(std::move(model));
     }
     if (choose(pairs)) return;
+    for (Model& model : fit_and_judge(std::move(lone), 0.95, 1)) singles.push_back(std::move(model));
+    if (choose(singles)) return;
     std::vector<Model> all;
     for (auto& m : singles) all.push_back(std::move(m));
     for (auto& m : pairs) all.push_back(std::move(m));
     nearest(std::move(all));
   }
 
-  /// Every effect's strength is some errors away from nothing.
-  static bool all_significant(const Model& model) {
+  /// The effects whose strength is some errors away from nothing.
+  static std::vector<std::string> significant(const Model& model) {
+    std::vector<std::string> list;
     for (const std::string& name : model.effects) {
       const std::string key = "effects." + name + "." + find_effect(name)->parameters.front().key;
-      for (std::size_t k = 0; k < model.open.size(); ++k) {
-        if (model.open[k].name != key) continue;
-        const auto at = static_cast<Eigen::Index>(k);
-        if (model.error(at) > 0.3 || model.estimate(at) < model.open[k].lowest + 0.2) return false;
-      }
+      const bool clear = std::none_of(model.open.begin(), model.open.end(), [&](const Uncertain& one) {
+        const auto at = static_cast<Eigen::Index>(&one - model.open.data());
+        return one.name == key && (model.error(at) > 0.3 || model.estimate(at) < one.lowest + 0.2);
+      });
+      if (clear) list.push_back(name);
     }
-    return true;
+    return list;
+  }
+
+  double evidence_for(const std::string& name) const {
+    for (const Scan& one : scans_)
+      if (one.effect->name == name) return one.best().log_likelihood;
+    return 0;
+  }
+
+  /// The model with one of its effects alone, about what was estimated with the others.
+  Model only(const Model& model, const std::string& name) const {
+    Model one;
+    one.effects = {name};
+    one.lab = model.lab;
+    one.first_effect_parameter = model.first_effect_parameter;
+    for (std::size_t k = 0; k < model.open.size(); ++k) {
+      const auto at = static_cast<Eigen::Index>(k);
+      Uncertain open = at < plain_.first_effect_parameter ? plain_.open[k] : model.open[k];
+      if (at >= plain_.first_effect_parameter && !open.name.starts_with("effects." + name + ".")) continue;
+      open.centre = std::clamp(model.estimate(at), model.open[k].lowest, model.open[k].highest);
+      one.open.push_back(std::move(open));
+    }
+    return one;
   }
 
   /// Nothing is left that the model does not have, or as little of a large gap as somebody's camera and the

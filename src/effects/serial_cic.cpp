@@ -27,7 +27,7 @@ EffectDeclaration serial_cic() {
           .parameters = {{.key = "events",
                           .unit = "e",
                           .minimum = 0,
-                          .maximum = 1,
+                          .maximum = 5,
                           .default_value = 0.01,
                           .scale = ParameterScale::logarithmic,
                           .meaning = "Mean number of such charges per output pixel."}},

@@ -30,8 +30,8 @@ constexpr std::array<Band, 12> bands = {{{"far_below", -1.5, 0},
 
 }  // namespace
 
-LawBands::LawBands(const Layout& layout) {
-  const ExpectedCounts& expected = layout.expected;
+LawBands::LawBands(const Layout& layout) : expected_(layout.expected) {
+  const ExpectedCounts& expected = expected_;
   const std::size_t size = expected.probability.size();
   if (size == 0) return;
   const double bias = static_cast<double>(layout.bias), read = static_cast<double>(layout.read_noise),

@@ -1,6 +1,7 @@
 #pragma once
 // How dark pixels' counts differ from the law of the calibrated camera, band by band of counts.
 
+#include <algorithm>
 #include <span>
 #include <vector>
 
@@ -15,6 +16,15 @@ class LawBands {
  public:
   explicit LawBands(const Layout& layout);
 
+  /// Of a count near the middle of the law; 1 for all where no law is known.
+  double probability(std::size_t code) const {
+    const std::vector<double>& all = expected_.probability;
+    if (all.empty()) return 1;
+    const std::ptrdiff_t k = static_cast<std::ptrdiff_t>(code) - expected_.first;
+    return std::max(1e-12,
+                    all[static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(k, 0, std::ssize(all) - 1))]);
+  }
+
   /// Each band's pixels less the expected ones, in Poisson deviations; and the misfit of all counts. `below`:
   /// number of pixels with a count below first + k, up to all of them.
   void put(std::span<const double> below, int first, Sheet& sheet) const;
@@ -25,6 +35,7 @@ class LawBands {
     double probability = 0;
     std::size_t band = 0;
   };
+  const ExpectedCounts& expected_;
   std::vector<Bin> bins_;
   std::vector<std::vector<double>> basis_;  // orthonormal, per square root of an expected number
 };

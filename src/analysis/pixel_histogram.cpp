@@ -127,7 +127,11 @@ class PixelHistogram : public Family {
     const double p16 = quantile(.16), p84 = quantile(.84);
     for (std::size_t code = first + 1; code + 1 < last; ++code)
       if (const double x = static_cast<double>(code); x > p16 && x < p84) {
-        const double around = (at(code - 1) + at(code + 1)) / 2;
+        // Of the law's own shape, where it is known.
+        const double expected = law_.probability(code);
+        const double around =
+            expected *
+            (at(code - 1) / law_.probability(code - 1) + at(code + 1) / law_.probability(code + 1)) / 2;
         if (around > 0) missing += std::pow(at(code) - around, 2) / (1.5 * around);
       }
     sheet.put("comb", std::log(missing / std::max(1.0, p84 - p16) + 0.1));

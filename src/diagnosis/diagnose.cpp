@@ -199,7 +199,9 @@ class Diagnoser {
     std::set<std::vector<std::string>> seen;
     std::erase_if(contenders, [&](const Contender& one) { return !seen.insert(one.model.effects).second; });
     // What is hardly nearer than the plain model explains nothing; the nearest is judged all the same.
-    const double plain = plain_distance({&plain_, real_stack()}, plan_);
+    const double plain = contenders.empty() ? 0
+                                            : plain_distance({&plain_, real_stack()}, plan_,
+                                                             contenders.front().model.explains);
     while (contenders.size() > 1 &&
            (contenders.size() > 3 || contenders.back().model.distance > worthwhile * plain))
       contenders.pop_back();
@@ -250,10 +252,13 @@ class Diagnoser {
     return real;
   }
 
-  /// Closed fraction over all frames, in units of the plain model's deviations.
+  /// Closed fraction over all frames of what the model is to explain, in units of the plain model's
+  /// deviations.
   double closed_by(const Model& model) const {
-    const Eigen::VectorXd ratio = in_larger_units(*model.standard, *plain_.standard);
-    const double before = gap_of(plain_.z.cwiseProduct(in_larger_units(*plain_.standard, *model.standard)));
+    const Eigen::VectorXd mask = only_of(model.explains);
+    const Eigen::VectorXd ratio = in_larger_units(*model.standard, *plain_.standard).cwiseProduct(mask);
+    const double before =
+        gap_of(plain_.z.cwiseProduct(in_larger_units(*plain_.standard, *model.standard)).cwiseProduct(mask));
     const double after = gap_of(model.z.cwiseProduct(ratio));
     const double floor = Floor(*model.standard, ratio).at(0.5);
     return before > floor ? 1 - std::max(0.0, after - floor) / (before - floor) : 0;
@@ -332,7 +337,10 @@ class Diagnoser {
     std::vector<Model> singles = fit_and_judge(std::move(contenders), 0.58, 0.8);
     if (choose(singles)) return;
     // Pairs: those whose fingerprints add up best to the real one, then really simulated.
-    if (singles.empty()) return nearest({});
+    if (singles.empty()) {
+      nearest({});
+      return explain_in_part(real);
+    }
     const auto left_alone =
         std::max_element(singles.begin(), singles.end(),
                          [](const Model& a, const Model& b) { return a.log_likelihood < b.log_likelihood; });
@@ -369,6 +377,55 @@ class Diagnoser {
     for (auto& m : singles) all.push_back(std::move(m));
     for (auto& m : pairs) all.push_back(std::move(m));
     nearest(std::move(all));
+    if (!have_final_) explain_in_part(real);
+  }
+
+  /// Real cameras have several effects at once, some in no catalogue. What explains the gap in its own
+  /// observables is named though others stay odd, if nothing else comes near in these.
+  void explain_in_part(const ScanViews& real) {
+    constexpr double least_gap = 50;   // mean square of the largest deviations of these observables
+    constexpr double promising = 0.3;  // part of their squares, by the scan, which does not recalibrate
+    constexpr double rival = 0.5;      // another effect that takes away so much may be the one
+    constexpr double elsewhere = 0.3;  // of the gap there: without another cause the effect is the wrong one
+    constexpr double grown = 1.1;      // the gap elsewhere must not be
+    constexpr std::size_t most = 2;    // are fitted
+    struct Part {
+      const Scan* scan = nullptr;
+      PartMatch match;
+    };
+    std::vector<Part> parts;
+    for (const Scan& scan : scans_) {
+      const Eigen::VectorXd own = only_of(scan.effect->observables);
+      const double gap = gap_of(plain_.z.cwiseProduct(own));
+      if (gap < least_gap || gap_of(plain_.z - plain_.z.cwiseProduct(own)) < elsewhere * gap) continue;
+      Part part{&scan, match_part(scan, own, real)};
+      if (part.match.share < promising) continue;
+      if (std::none_of(scans_.begin(), scans_.end(), [&](const Scan& other) {
+            return &other != &scan && match_part(other, own, real).share > std::max(rival, part.match.share);
+          }))
+        parts.push_back(std::move(part));
+    }
+    std::sort(parts.begin(), parts.end(),
+              [](const Part& a, const Part& b) { return a.match.share > b.match.share; });
+    if (parts.size() > most) parts.resize(most);
+    for (const Part& part : parts) {
+      std::vector<Contender> contenders;
+      contenders.push_back({part.scan->effect->name + ", in part", with(plain_, *part.scan, part.match.best),
+                            part.scan->best().log_likelihood});
+      contenders.back().model.explains = part.scan->effect->observables;
+      for (Model& model : fit_and_judge(std::move(contenders), 0.95, 1)) {
+        const Eigen::VectorXd others = Eigen::VectorXd::Ones(plain_.z.size()) - only_of(model.explains);
+        const Eigen::VectorXd ratio = in_larger_units(*model.standard, *plain_.standard);
+        if (significant(model).empty() || closed_by(model) < least_closed ||
+            gap_of(model.z.cwiseProduct(ratio).cwiseProduct(others)) >
+                grown * gap_of(plain_.z.cwiseProduct(others)))
+          continue;
+        accept(model, 0.5 + 0.5 * closed_by(model));
+        result_.verdict = Verdict::partly_explained;
+        result_.p_after = result_.p_gap;
+        return;
+      }
+    }
   }
 
   /// The effects whose strength is some errors away from nothing.
@@ -423,6 +480,13 @@ class Diagnoser {
     for (Model& model : models)
       if (passes(model)) passed.push_back(&model);
     if (passed.empty()) return false;
+    // What the frames are odd under gives way to what explains them and closes as much.
+    const std::vector<Model*> all = passed;
+    std::erase_if(passed, [&](const Model* near) {
+      return near->p_value < reject_level && std::any_of(all.begin(), all.end(), [&](const Model* model) {
+               return model->p_value >= reject_level && closed_by(*model) >= closed_by(*near);
+             });
+    });
     std::sort(passed.begin(), passed.end(),
               [](const Model* a, const Model* b) { return a->log_likelihood > b->log_likelihood; });
     const double best = passed.front()->log_likelihood;
@@ -483,6 +547,16 @@ class Diagnoser {
     have_final_ = true;
   }
 
+  /// 1 for the statistics of these observables, 0 for the others; of no observable: 1 for all.
+  Eigen::VectorXd only_of(const std::vector<std::string>& observables) const {
+    Eigen::VectorXd mask(static_cast<Eigen::Index>(declarations_.size()));
+    for (std::size_t k = 0; k < declarations_.size(); ++k)
+      mask(static_cast<Eigen::Index>(k)) =
+          observables.empty() ||
+          std::find(observables.begin(), observables.end(), declarations_[k].observable) != observables.end();
+    return mask;
+  }
+
   /// Before and after on the held-out frames: effects as fitted to the others.
   void how_far() {
     const Standard before(plain_.population, Part::held_out);
@@ -500,20 +574,54 @@ class Diagnoser {
                                        .value;
     Eigen::VectorXd values(static_cast<Eigen::Index>(known.size()));
     for (std::size_t k = 0; k < known.size(); ++k) values(static_cast<Eigen::Index>(k)) = fitted(known[k]);
-    const Standard after(final_.population, Part::held_out, known, {}, effects_reach);
+    const Eigen::VectorXd granted =
+        final_.explains.empty() ? Eigen::VectorXd() : final_.standard->discrepancy();
+    const Standard after(final_.population, Part::held_out, known, granted, effects_reach);
     const Eigen::VectorXd ratio = in_larger_units(after, before);
-    gap.before = gap_of(before.judge(held_out).cwiseProduct(in_larger_units(before, after)));
-    gap.after = gap_of(after.judge(held_out, values).cwiseProduct(ratio));
-    const Floor floor(after, ratio);
-    gap.floor = floor.at(0.5);
-    const auto closed = [&](double from) {
-      if (gap.before <= from) return gap.after <= from ? 1.0 : 0.0;
-      return std::clamp(1 - (gap.after - from) / (gap.before - from), -1.0, 1.0);
+    const Eigen::VectorXd z_before = before.judge(held_out).cwiseProduct(in_larger_units(before, after)),
+                          z_after = after.judge(held_out, values).cwiseProduct(ratio);
+    struct Closing {
+      double before = 0, after = 0, floor = 0, closed = 0, low = 0, high = 0;
     };
-    gap.closed = closed(floor.at(0.5));
-    const double low = closed(floor.at(0.05)), high = closed(floor.at(0.95));
-    gap.closed_low = std::min({low, gap.closed, high});
-    gap.closed_high = std::max({low, gap.closed, high});
+    const auto closing = [&](const std::vector<std::string>& observables) {
+      const Eigen::VectorXd mask = only_of(observables);
+      const Floor floor(after, ratio.cwiseProduct(mask));
+      Closing one;
+      one.before = gap_of(z_before.cwiseProduct(mask));
+      one.after = gap_of(z_after.cwiseProduct(mask));
+      one.floor = floor.at(0.5);
+      const auto closed = [&](double from) {
+        if (one.before <= from) return one.after <= from ? 1.0 : 0.0;
+        return std::clamp(1 - (one.after - from) / (one.before - from), -1.0, 1.0);
+      };
+      one.closed = closed(one.floor);
+      const double low = closed(floor.at(0.05)), high = closed(floor.at(0.95));
+      one.low = std::min({low, one.closed, high});
+      one.high = std::max({low, one.closed, high});
+      return one;
+    };
+    const Closing all = closing({});
+    gap.before = all.before;
+    gap.after = all.after;
+    gap.floor = all.floor;
+    gap.closed = all.closed;
+    gap.closed_low = all.low;
+    gap.closed_high = all.high;
+    std::set<std::string> observables;
+    for (const StatisticDeclaration& one : declarations_) observables.insert(one.observable);
+    for (const std::string& name : observables) {
+      const Closing one = closing({name});
+      gap.by_observable.push_back({name, one.before, one.after, one.floor, one.closed});
+    }
+    std::sort(gap.by_observable.begin(), gap.by_observable.end(),
+              [](const ObservableGap& a, const ObservableGap& b) { return a.before > b.before; });
+    if (!final_.explains.empty()) {
+      const Closing part = closing(final_.explains);
+      gap.explains = final_.explains;
+      gap.part_closed = part.closed;
+      gap.part_closed_low = part.low;
+      gap.part_closed_high = part.high;
+    }
     list_steps(before, fitted);
   }
 
@@ -569,7 +677,9 @@ class Diagnoser {
 
   void conclude() {
     how_far();
-    if (have_final_ && result_.gap.closed_high < least_closed) withdraw();
+    if (have_final_ &&
+        (final_.explains.empty() ? result_.gap.closed_high : result_.gap.part_closed_high) < least_closed)
+      withdraw();
     tell_apart();
     if (!options_.where_only) ask_others();
     result_.where = ranked_differences(declarations_, plain_.z, have_final_ ? final_.z : plain_.z);
@@ -628,9 +738,10 @@ Diagnosis diagnose(const Notes& notes, const FrameSequence& frames, const FrameS
                    const DiagnosisOptions& options) {
   for (const auto* list : {&options.exclude, &options.include})
     for (const std::string& name : *list) stage_of(name);
-  if (frames.frames() < 40)
-    throw Error("frames",
-                fmt::format("{} frames are too few to diagnose, 40 or more are needed", frames.frames()));
+  const std::size_t least = notes.grid ? 40 : 10;  // loss and filling take more frames than a camera's noise
+  if (frames.frames() < least)
+    throw Error("frames", fmt::format("{} frames are too few to diagnose, {} or more are needed{}",
+                                      frames.frames(), least, notes.grid ? " with sites" : ""));
   return Diagnoser(notes, frames, darks, options).run();
 }
 

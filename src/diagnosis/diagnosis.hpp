@@ -55,10 +55,19 @@ struct GapStep {
   std::string effect;
   double gap = 0;
 };
+/// The gap in one observable alone.
+struct ObservableGap {
+  std::string observable;
+  double before = 0, after = 0, floor = 0, closed = 0;
+};
 struct GapClosed {
   std::string metric = "mean square of the 12 largest deviations of the battery, held-out frames";
   double before = 0, after = 0, floor = 0, closed = 0;
   double closed_low = 0, closed_high = 0;
+  std::vector<ObservableGap> by_observable;  // the widest gap first
+  /// Where the effects are named for what they close in these observables alone: that, as `closed` is of all.
+  std::vector<std::string> explains;
+  double part_closed = 0, part_closed_low = 0, part_closed_high = 0;
   std::vector<GapStep> steps;
   SecondOpinions second_opinions;
 };

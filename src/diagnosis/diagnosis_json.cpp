@@ -81,6 +81,13 @@ Json gap_of_diagnosis(const Diagnosis& diagnosis) {
   const GapClosed& gap = diagnosis.gap;
   Json steps = Json::array();
   for (const GapStep& step : gap.steps) steps.push_back({{"effect", step.effect}, {"gap", number(step.gap)}});
+  Json by_observable = Json::array();
+  for (const ObservableGap& one : gap.by_observable)
+    by_observable.push_back({{"observable", one.observable},
+                             {"before", number(one.before)},
+                             {"after", number(one.after)},
+                             {"floor", number(one.floor)},
+                             {"closed", number(one.closed)}});
   return {{"metric", gap.metric},
           {"before", number(gap.before)},
           {"after", number(gap.after)},
@@ -89,6 +96,12 @@ Json gap_of_diagnosis(const Diagnosis& diagnosis) {
           {"closed_interval", {number(gap.closed_low), number(gap.closed_high)}},
           {"p_before", number(diagnosis.p_gap)},
           {"p_after", number(diagnosis.p_after)},
+          {"by_observable", std::move(by_observable)},
+          {"explains", gap.explains},
+          {"part_closed", gap.explains.empty() ? Json(nullptr) : number(gap.part_closed)},
+          {"part_closed_interval", gap.explains.empty()
+                                       ? Json(nullptr)
+                                       : Json{number(gap.part_closed_low), number(gap.part_closed_high)}},
           {"steps", std::move(steps)},
           {"second_opinions", second_opinions_of(gap.second_opinions)},
           {"detection", detection_of(gap.second_opinions)}};
@@ -100,6 +113,7 @@ Json hypotheses_of(const Diagnosis& diagnosis) {
     const bool fitted = one.p_value >= 0;
     list.push_back({{"effects", one.effects},
                     {"log_evidence", number(one.log_evidence)},
+                    {"share", fitted ? Json(nullptr) : number(one.share)},
                     {"p_value", fitted ? number(one.p_value) : Json(nullptr)},
                     {"closed", fitted ? number(one.closed) : Json(nullptr)},
                     {"imitates", one.imitates >= 0 ? number(one.imitates) : Json(nullptr)},

@@ -62,7 +62,6 @@ OmnibusTest::OmnibusTest(const Eigen::MatrixXd& own) {
   std::vector<double> smallest_p;
   for (const Views& one : seen) smallest_p.push_back(-std::log(smallest(one)));
   combined_.emplace_back(smallest_p);
-  for (const double value : smallest_p) own_p_.push_back(combined_.front().p_value(value));
 }
 
 OmnibusTest::Views OmnibusTest::look(const Eigen::VectorXd& z) {

@@ -45,8 +45,6 @@ class OmnibusTest {
   /// `own`: residuals of stacks that do not differ, a row each.
   explicit OmnibusTest(const Eigen::MatrixXd& own);
   double p_value(const Eigen::VectorXd& z) const;
-  /// p-values of the model's own stacks (each was judged without itself).
-  const std::vector<double>& own_p_values() const { return own_p_; }
 
  private:
   static constexpr int views = 2;
@@ -56,7 +54,6 @@ class OmnibusTest {
 
   std::vector<NullDistribution> nulls_;
   std::vector<NullDistribution> combined_;
-  std::vector<double> own_p_;
 };
 
 }  // namespace atomcam

@@ -91,11 +91,11 @@ Local straight_lines(const Population& population, const std::vector<Uncertain>&
 
 class Fitter {
  public:
-  Fitter(const FitGround& ground, const StackPlan& plan)
+  Fitter(const Model& model, const FitGround& ground, const StackPlan& plan)
       : statistics_(as_vector(ground.real.values->whole)),
         unit_(ground.plain->standard->deviation()),
         plain_slopes_(ground.plain->standard->slopes()),
-        discrepancy_(allowed_discrepancy(*ground.plain, *ground.real.values, plan)),
+        discrepancy_(allowed_discrepancy(*ground.plain, *ground.real.values, plan, model.explains)),
         correlation_(*ground.plain->correlation) {}
 
   struct Step {
@@ -170,15 +170,16 @@ class Fitter {
 
 }  // namespace
 
-double plain_distance(const FitGround& ground, const StackPlan& plan) {
+double plain_distance(const FitGround& ground, const StackPlan& plan,
+                      const std::vector<std::string>& explains) {
   const Model& plain = *ground.plain;
-  const Eigen::VectorXd z =
-      tolerated(plain.z, plain.standard->deviation(), allowed_discrepancy(plain, *ground.real.values, plan));
+  const Eigen::VectorXd z = tolerated(plain.z, plain.standard->deviation(),
+                                      allowed_discrepancy(plain, *ground.real.values, plan, explains));
   return compressed(z).squaredNorm() / static_cast<double>(z.size());
 }
 
 double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& plan, std::uint64_t first) {
-  const Fitter fitter(ground, plan);
+  const Fitter fitter(model, ground, plan);
   const Eigen::Index from = model.first_effect_parameter;
   const auto effects = static_cast<int>(model.open.size()) - static_cast<int>(from);
   const int stacks = 8 + 4 * effects;

@@ -12,8 +12,10 @@ struct FitGround {
   RealStack real;
 };
 
-/// How far the real stack is from the plain model itself, as fit() says it.
-double plain_distance(const FitGround& ground, const StackPlan& plan);
+/// How far the real stack is from the plain model itself, as fit() says it of a model that explains these
+/// observables.
+double plain_distance(const FitGround& ground, const StackPlan& plan,
+                      const std::vector<std::string>& explains = {});
 
 /// Moves the model's centres, and the widths of its effects' parameters to about their errors. Every round
 /// simulates some stacks about the centre; calibration follows the effects (recalibrate). At most `rounds`,

@@ -34,6 +34,7 @@ Model Model::with_first_effects(std::size_t count, const Eigen::VectorXd& coordi
   Model fewer;
   fewer.effects.assign(effects.begin(), effects.begin() + static_cast<std::ptrdiff_t>(count));
   fewer.lab = lab;
+  fewer.explains = explains;
   fewer.first_effect_parameter = first_effect_parameter;
   for (std::size_t k = 0; k < open.size(); ++k) {
     Uncertain one = open[k];
@@ -61,7 +62,8 @@ Eigen::VectorXd optical_detail(const Eigen::VectorXd& deviation, const StackPlan
   return detail;
 }
 
-Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& real, const StackPlan& plan) {
+Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& real, const StackPlan& plan,
+                                    const std::vector<std::string>& explains) {
   constexpr double of_itself = 0.04, of_its_kind = 0.02;
   const auto declarations = battery(plan.model, plan.dark_frames > 0);
   const Eigen::VectorXd& unit = plain.standard->deviation();
@@ -78,8 +80,10 @@ Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& rea
   Eigen::VectorXd allowed(off.size());
   for (Eigen::Index i = 0; i < off.size(); ++i) {
     const StatisticDeclaration& one = declarations[static_cast<std::size_t>(i)];
-    allowed(i) =
-        unit(i) * std::hypot(of_itself * deviations(i), of_its_kind * largest[{one.observable, one.darks}]);
+    const bool asked =
+        explains.empty() || std::find(explains.begin(), explains.end(), one.observable) != explains.end();
+    allowed(i) = unit(i) * std::hypot((asked ? of_itself : 1) * deviations(i),
+                                      of_its_kind * largest[{one.observable, one.darks}]);
   }
   return allowed;
 }
@@ -90,12 +94,17 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   const Eigen::VectorXd statistics = as_vector(real.whole);
   Eigen::VectorXd discrepancy;
   if (plain)
-    discrepancy = allowed_discrepancy(*plain, real, plan);
+    discrepancy = allowed_discrepancy(*plain, real, plan, model.explains);
   else
     discrepancy = optical_detail(Standard(model.population, Part::whole).deviation(), plan);
   model.standard = std::make_unique<Standard>(model.population, Part::whole, std::vector<Eigen::Index>{},
                                               std::move(discrepancy), plain ? effects_reach : plain_reach);
-  model.test = std::make_unique<OmnibusTest>(*model.standard);
+  // The plain model's own stacks are granted the same, or frames of its kind would look better than they are.
+  Eigen::MatrixXd own = model.standard->own();
+  if (!plain)
+    for (Eigen::Index n = 0; n < own.rows(); ++n)
+      own.row(n) = model.standard->tolerated(own.row(n).transpose()).transpose();
+  model.test = std::make_unique<OmnibusTest>(own);
   model.z = model.standard->judge(statistics);
   const auto estimate = model.standard->drawn_out(statistics, model.first_effect_parameter);
   model.estimate = estimate.value;

@@ -17,6 +17,8 @@ struct Model {
   Lab lab;                           // to which the open parameters are applied
   std::vector<Uncertain> open;       // those of the calibration first, then the effects'
   Eigen::Index first_effect_parameter = 0;
+  /// Observables that it is to explain, whatever the plain model misses of the others; empty: all.
+  std::vector<std::string> explains;
   Population population;
   Population wider;  // to estimate from, where the draws of `population` are too narrow for that; else empty
   std::unique_ptr<Standard> standard;
@@ -48,8 +50,10 @@ Eigen::VectorXd optical_detail(const Eigen::VectorXd& deviation, const StackPlan
 /// An effect's model in the catalogue and the effect in somebody's camera are not the same to all digits. By
 /// how much a model with effects may be wrong about each statistic of the real stack (1 sigma): 4 % of what
 /// the plain model misses of it, and 2 % of the largest that it misses in the same observable, in units of
-/// each statistic's own deviation.
-Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& real, const StackPlan& plan);
+/// each statistic's own deviation. `explains`: of all other observables (if any are named) it may miss all
+/// that the plain model misses.
+Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& real, const StackPlan& plan,
+                                    const std::vector<std::string>& explains = {});
 
 /// Simulates `stacks` of the model and judges the real one by them. `plain`: the judged plain model, for the
 /// discrepancy that a model with effects is allowed; none of it without.

@@ -223,6 +223,35 @@ double imitated(const Eigen::VectorXd& fingerprint, const Scan& by, std::size_t 
   return all > 0 ? std::clamp(1 - least / all, 0.0, 1.0) : 0;
 }
 
+PartMatch match_part(const Scan& scan, const Eigen::VectorXd& mask, const ScanViews& all_real) {
+  PartMatch match;
+  for (std::size_t v = 0; v < scan_views; ++v) {
+    RandomStream random(1, stream_id("diagnosis/part"), v, 0);
+    const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
+    const Eigen::VectorXd real = expanded(all_real[v]).cwiseProduct(mask);
+    const double all = real.squaredNorm();
+    if (!(all > 0)) continue;
+    Eigen::VectorXd best = scan.view[v].best;
+    const auto left = [&](const Eigen::VectorXd& at) {
+      return (real - expanded((*scan.view[v].emulator)(at).mean).cwiseProduct(mask)).squaredNorm();
+    };
+    double least = left(best);
+    const auto attempt = [&](const Eigen::VectorXd& at) {
+      const double value = left(at);
+      if (value < least) least = value, best = at;
+    };
+    for (Eigen::Index n = 0; n < scan.draws.rows(); ++n) attempt(scan.draws.row(n).transpose());
+    for (const double step : {0.2, 0.1, 0.04})
+      for (int n = 0; n < 60; ++n) attempt(moved_by(scan.open, best, step, uniform));
+    if (const double share = 1 - least / all; match.best.size() == 0 || share > match.share) {
+      match.share = share;
+      match.best = best;
+    }
+  }
+  if (match.best.size() == 0) match.best = scan.best().best;
+  return match;
+}
+
 std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders,
                                    const ScanViews& all_real, int threads) {
   struct Task {

@@ -55,6 +55,14 @@ void match(Scan& scan, const Eigen::MatrixXd& inverse, const ScanViews& real);
 /// suit it best: 1 minus the square of what is left, over the square of all. As seen in `view`.
 double imitated(const Eigen::VectorXd& fingerprint, const Scan& by, std::size_t view);
 
+/// What an effect takes away of the deviations that `mask` is 1 for: the part of their squares, and with
+/// which parameters.
+struct PartMatch {
+  double share = 0;
+  Eigen::VectorXd best;
+};
+PartMatch match_part(const Scan& scan, const Eigen::VectorXd& mask, const ScanViews& real);
+
 /// Two effects at once: their deviations taken to add up.
 struct PairMatch {
   std::size_t first = 0, second = 0;  // scans

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <set>
 
 #include "diagnosis/uncertain.hpp"
 
@@ -43,6 +44,30 @@ bool light_flickers(const std::vector<StatisticDeclaration>& battery, const Eige
   return darks && rows_in_darks < quiet && rows_in_light > std::max(clear, 0.5 * largest);
 }
 
+/// Mean and noise that slope across the frame with the shutter open, while the noise does not with it closed:
+/// the light slopes, and its shot noise with it.
+bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, seen = 5, quiet = 4;
+  double noise = 0, mean = 0, noise_in_darks = 0, largest = 0;
+  bool darks = false;
+  for (std::size_t k = 0; k < battery.size(); ++k) {
+    const std::string& name = battery[k].name;
+    const double size = std::fabs(z(static_cast<Eigen::Index>(k)));
+    largest = std::max(largest, size);
+    darks |= battery[k].darks;
+    const std::string_view last = std::string_view(name).substr(name.rfind('.') + 1);
+    if (last != "gradient_x" && last != "gradient_y" && last != "left_right" && last != "top_bottom")
+      continue;
+    if (name.find(".temporal_maps.") != std::string::npos) {
+      double& most = battery[k].darks ? noise_in_darks : noise;
+      most = std::max(most, size);
+    } else if (!battery[k].darks && battery[k].observable == "mean_map") {
+      mean = std::max(mean, size);
+    }
+  }
+  return darks && noise_in_darks < quiet && mean > seen && noise > std::max(clear, 0.4 * largest);
+}
+
 }  // namespace
 
 std::string stage_of_differences(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
@@ -59,13 +84,13 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   }
   // What shows with the shutter closed is the sensor's.
   if (darks > 0.2 * all && darks > 1) return "sensor";
-  if (light_flickers(battery, z)) return "optics";
+  if (light_flickers(battery, z) || light_slopes(battery, z)) return "optics";
   if (!hypotheses.empty()) {
     // The stage of the known effects that come closest, as far as these take anything away.
     double best = 0, share = 0;
     for (const Hypothesis& one : hypotheses)
       if (one.effects.size() == 1 && one.log_evidence > best) best = one.log_evidence, share = one.share;
-    const double trust = 2 * std::max(1.0, all) * std::pow(std::min(1.0, 2 * share), 2);
+    const double trust = 2 * std::max(1.0, all) * std::pow(std::min(1.0, 2 * share), 3);
     for (const Hypothesis& one : hypotheses)
       if (one.effects.size() == 1 && one.log_evidence > 0)
         votes[stage_of(one.effects.front())] += trust * std::pow(one.log_evidence / best, 4);
@@ -78,6 +103,7 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
 std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaration>& battery,
                                            const Eigen::VectorXd& z, const Eigen::VectorXd& z_after) {
   constexpr std::size_t listed = 40;
+  constexpr double clearly = 0.01;
   const auto size = [&](std::size_t k) { return std::fabs(z(static_cast<Eigen::Index>(k))); };
   std::vector<std::size_t> order(battery.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -92,8 +118,12 @@ std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaratio
     q[rank] = least;
   }
   std::vector<Difference> list;
-  for (std::size_t rank = 0; rank < std::min(listed, order.size()); ++rank) {
+  std::set<std::string_view> seen;
+  for (std::size_t rank = 0; rank < order.size(); ++rank) {
     const StatisticDeclaration& statistic = battery[order[rank]];
+    // Beyond the first some, the strongest of every other observable that is odd.
+    const bool first = seen.insert(statistic.observable).second;
+    if (rank >= listed && !(first && q[rank] < clearly)) continue;
     const auto at = static_cast<Eigen::Index>(order[rank]);
     Difference one;
     one.stage = stage_of_observable(statistic.observable, statistic.darks);
@@ -172,6 +202,12 @@ std::string sentence_of(const Diagnosis& d) {
       return fmt::format("{} {} {} of the gap on held-out frames.", names(),
                          d.effects.size() > 1 ? "close" : "closes", percent(d.gap.closed));
     case Verdict::partly_explained:
+      if (!d.gap.explains.empty())
+        return fmt::format(
+            "{} {} {} of the gap in {} on held-out frames, and nothing else does; what remains elsewhere is "
+            "not explained: {}.",
+            names(), d.effects.size() > 1 ? "close" : "closes", percent(d.gap.part_closed),
+            fmt::join(d.gap.explains, " and "), d.unexplained.looks_like);
       return fmt::format("{} {} {} of the gap on held-out frames; what remains is not explained.", names(),
                          d.effects.size() > 1 ? "close" : "closes", percent(d.gap.closed));
     case Verdict::ambiguous: {

@@ -6,6 +6,7 @@
 #include "calibration/notes.hpp"
 #include "diagnosis/blind.hpp"
 #include "diagnosis/population.hpp"
+#include "effects/effect.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace atomcam {
@@ -77,6 +78,46 @@ TEST(Diagnose, AnEffectOfTheSceneIsFound) {
   EXPECT_EQ(found.verdict, Verdict::explained) << found.sentence;
   ASSERT_EQ(found.effects.size(), 1) << found.sentence;
   EXPECT_EQ(found.effects[0].name, "site_brightness_spread");
+}
+
+TEST(Diagnose, AnEffectIsNamedForItsOwnObservablesWhereAnotherIsNotKnown) {
+  Lab lab = preset("ixon-ultra-897");
+  lab.layout = SiteGrid{.columns = 0, .rows = 0};
+  lab.place_sites();
+  lab.settings.region = {0, 0, 64, 64};
+  lab.settings.binning_x = lab.settings.binning_y = 1;
+  lab.settings.em_gain = 100;
+  ReadoutMode& mode = std::get<EmccdDescription>(lab.sensor).readout_modes.front();
+  mode.electrons_per_count = 10;
+  mode.read_noise_e = 25;
+  std::get<EmccdDescription>(lab.sensor).clock_induced_charge_e = 0.3;
+  lab.effects = {{"serial_cic", {0.8}}, {"row_noise", {1.0}}};
+  StackPlan plan;
+  plan.frames = 120;
+  const auto frames = simulate_stack(lab, plan, 1, true);
+  const Notes notes = parse_notes(
+      R"({"camera": "iXon 897 EMCCD", "shape": [64, 64], "settings": {"em_gain": 100, "preamp_e_per_adu": 10,
+          "bias_adu": 200, "read_noise_adu": 2.5, "cic_e": 0.3}})",
+      "notes");
+  DiagnosisOptions options;
+  options.threads = 2;
+  options.include = {"serial_cic", "hot_pixels"};
+  const Diagnosis found = diagnose(notes, *frames, nullptr, options);
+  EXPECT_EQ(found.verdict, Verdict::partly_explained) << found.sentence;
+  ASSERT_EQ(found.effects.size(), 1) << found.sentence;
+  EXPECT_EQ(found.effects[0].name, "serial_cic");
+  const FoundParameter& events = found.effects[0].parameters.front();
+  EXPECT_NEAR(events.value, 0.8, 5 * events.error);
+  EXPECT_LT(events.error, 0.2);
+  EXPECT_EQ(found.gap.explains, find_effect("serial_cic")->observables);
+  EXPECT_GT(found.gap.part_closed, 0.8);
+  EXPECT_LT(found.gap.closed, 0.3);
+  EXPECT_TRUE(found.unexplained.present);
+  // Without it nothing is named.
+  options.include = {"hot_pixels"};
+  const Diagnosis withheld = diagnose(notes, *frames, nullptr, options);
+  EXPECT_EQ(withheld.verdict, Verdict::unexplained) << withheld.sentence;
+  EXPECT_EQ(withheld.unexplained.stage, "sensor");
 }
 
 TEST(Diagnose, RefusesEffectsThatDoNotExist) {

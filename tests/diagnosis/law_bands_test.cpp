@@ -17,6 +17,7 @@ Lab camera() {
   lab.layout = SiteGrid{.columns = 0, .rows = 0};
   lab.place_sites();
   lab.settings.region = {0, 0, 64, 64};
+  lab.settings.binning_x = lab.settings.binning_y = 1;
   lab.settings.em_gain = 300;
   std::get<EmccdDescription>(lab.sensor).clock_induced_charge_e = 0.1;
   lab.stray_light_photons_per_s = 0;

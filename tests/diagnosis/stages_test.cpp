@@ -26,6 +26,23 @@ TEST(Stages, RowsThatChangeInLightOnlyAreTheLights) {
   EXPECT_EQ(stage_at(0, 0, 30, 0), "scene");
 }
 
+TEST(Stages, NoiseThatSlopesWithTheMeanInLightOnlyIsTheLights) {
+  const std::vector<StatisticDeclaration> slopes = {
+      {"light.temporal_maps.gradient_y", "variance_map", "space", "whole frame", false},
+      {"light.temporal_maps.noisiest", "variance_map", "space", "whole frame", false},
+      {"light.static_charge.gradient_y", "mean_map", "space", "whole frame", false},
+      {"dark.temporal_maps.gradient_y", "variance_map", "space", "whole frame", true}};
+  const auto stage = [&](double noise, double noisiest, double mean, double darks) {
+    Eigen::VectorXd z(4);
+    z << noise, noisiest, mean, darks;
+    return stage_of_differences(slopes, z, {});
+  };
+  EXPECT_EQ(stage(50, 70, 10, 1), "optics");
+  EXPECT_EQ(stage(50, 70, 10, 6), "sensor");
+  EXPECT_EQ(stage(50, 70, 4, 1), "sensor");
+  EXPECT_EQ(stage(20, 70, 10, 1), "sensor");
+}
+
 TEST(Stages, AnEffectSpeaksForItsStageAsFarAsItExplains) {
   Hypothesis one;
   one.effects = {"site_brightness_spread"};

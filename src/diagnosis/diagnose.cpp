@@ -23,6 +23,7 @@ constexpr double like_own = 1.1;        // distance at which a fit is about as n
 constexpr double far_away = 1.6;        // nothing at this distance has ever closed two thirds of a gap
 
 constexpr double least_closed = 0.65;  // at best, of the gap on held-out frames, for an effect to be named
+constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
 
 /// Deviations of a model in units of the larger of two models' deviations; 0 where one of them has none.
 Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
@@ -183,7 +184,9 @@ class Diagnoser {
   }
 
   /// A few rounds for all, more for those that come near; the nearest are judged.
-  std::vector<Model> fit_and_judge(std::vector<Contender> contenders, double from, double to) {
+  /// What is not nearer than `alone`, where a simpler model is, is let go after the first rounds.
+  std::vector<Model> fit_and_judge(std::vector<Contender> contenders, double from, double to,
+                                   double alone = 1e300) {
     constexpr int first_rounds = 3, more_rounds = 8, stacks = 90;
     const auto at = [&](double part) { return from + part * (to - from); };
     const auto count = static_cast<double>(contenders.size());
@@ -198,6 +201,8 @@ class Diagnoser {
     std::sort(contenders.begin(), contenders.end(), nearer);
     std::set<std::vector<std::string>> seen;
     std::erase_if(contenders, [&](const Contender& one) { return !seen.insert(one.model.effects).second; });
+    std::erase_if(contenders,
+                  [&](const Contender& one) { return !(one.model.distance < worthwhile * alone); });
     // What is hardly nearer than the plain model explains nothing; the nearest is judged all the same.
     const double plain = contenders.empty() ? 0
                                             : plain_distance({&plain_, real_stack()}, plan_,
@@ -356,7 +361,9 @@ class Diagnoser {
     }
     std::vector<Model> pairs;
     std::vector<Contender> lone;
-    for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95)) {
+    double alone = 1e300;
+    for (const Model& model : singles) alone = std::min(alone, model.distance);
+    for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, alone)) {
       const std::vector<std::string> needed = significant(model);
       if (needed.size() < model.effects.size()) {
         // It may be the place that the pair's fit found for one of the two that explains.
@@ -380,43 +387,31 @@ class Diagnoser {
     if (!have_final_) explain_in_part(real);
   }
 
-  /// Real cameras have several effects at once, some in no catalogue. What explains the gap in its own
-  /// observables is named though others stay odd, if nothing else comes near in these.
+  /// Real cameras have several effects at once, some in no catalogue. One that has a law of its own is named
+  /// for what it explains in its own observables though others stay odd.
   void explain_in_part(const ScanViews& real) {
     constexpr double least_gap = 50;   // mean square of the largest deviations of these observables
     constexpr double promising = 0.3;  // part of their squares, by the scan, which does not recalibrate
     constexpr double rival = 0.5;      // another effect that takes away so much may be the one
-    constexpr double elsewhere = 0.3;  // of the gap there: without another cause the effect is the wrong one
     constexpr double grown = 1.1;      // the gap elsewhere must not be
-    constexpr std::size_t most = 2;    // are fitted
-    struct Part {
-      const Scan* scan = nullptr;
-      PartMatch match;
-    };
-    std::vector<Part> parts;
     for (const Scan& scan : scans_) {
+      if (!scan.effect->own_law) continue;
       const Eigen::VectorXd own = only_of(scan.effect->observables);
-      const double gap = gap_of(plain_.z.cwiseProduct(own));
-      if (gap < least_gap || gap_of(plain_.z - plain_.z.cwiseProduct(own)) < elsewhere * gap) continue;
-      Part part{&scan, match_part(scan, own, real)};
-      if (part.match.share < promising) continue;
-      if (std::none_of(scans_.begin(), scans_.end(), [&](const Scan& other) {
-            return &other != &scan && match_part(other, own, real).share > std::max(rival, part.match.share);
+      const Eigen::VectorXd others = Eigen::VectorXd::Ones(own.size()) - own;
+      if (gap_of(plain_.z.cwiseProduct(own)) < least_gap) continue;
+      const PartMatch match = match_part(scan, own, real);
+      if (match.share < promising) continue;
+      if (std::any_of(scans_.begin(), scans_.end(), [&](const Scan& other) {
+            return &other != &scan && match_part(other, own, real).share > std::max(rival, match.share);
           }))
-        parts.push_back(std::move(part));
-    }
-    std::sort(parts.begin(), parts.end(),
-              [](const Part& a, const Part& b) { return a.match.share > b.match.share; });
-    if (parts.size() > most) parts.resize(most);
-    for (const Part& part : parts) {
+        continue;
       std::vector<Contender> contenders;
-      contenders.push_back({part.scan->effect->name + ", in part", with(plain_, *part.scan, part.match.best),
-                            part.scan->best().log_likelihood});
-      contenders.back().model.explains = part.scan->effect->observables;
+      contenders.push_back(
+          {scan.effect->name + ", in part", with(plain_, scan, match.best), scan.best().log_likelihood});
+      contenders.back().model.explains = scan.effect->observables;
       for (Model& model : fit_and_judge(std::move(contenders), 0.95, 1)) {
-        const Eigen::VectorXd others = Eigen::VectorXd::Ones(plain_.z.size()) - only_of(model.explains);
         const Eigen::VectorXd ratio = in_larger_units(*model.standard, *plain_.standard);
-        if (significant(model).empty() || closed_by(model) < least_closed ||
+        if (significant(model).empty() || closed_by(model) < least_part_closed ||
             gap_of(model.z.cwiseProduct(ratio).cwiseProduct(others)) >
                 grown * gap_of(plain_.z.cwiseProduct(others)))
           continue;
@@ -677,8 +672,8 @@ class Diagnoser {
 
   void conclude() {
     how_far();
-    if (have_final_ &&
-        (final_.explains.empty() ? result_.gap.closed_high : result_.gap.part_closed_high) < least_closed)
+    if (have_final_ && (final_.explains.empty() ? result_.gap.closed_high < least_closed
+                                                : result_.gap.part_closed_high < least_part_closed))
       withdraw();
     tell_apart();
     if (!options_.where_only) ask_others();

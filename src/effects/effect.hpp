@@ -88,7 +88,9 @@ struct EffectDeclaration {
   std::string reference;                         // where the model comes from
   std::vector<ParameterDeclaration> parameters;  // the first is the strength: at zero the effect is absent
   std::vector<std::string> observables;          // names of base/observable.hpp it moves
-  bool emccd = true;                             // cameras it makes sense on
+  /// Nothing else moves these as it does: it may be named for them alone, whatever else is odd.
+  bool own_law = false;
+  bool emccd = true;  // cameras it makes sense on
   bool qcmos = true;
   bool acts_on_light = false;  // also, beside its own plane: apply_to_light
   std::unique_ptr<Effect> (*make)(const ParameterValues& values) = nullptr;

@@ -32,6 +32,7 @@ EffectDeclaration serial_cic() {
                           .scale = ParameterScale::logarithmic,
                           .meaning = "Mean number of such charges per output pixel."}},
           .observables = {"pixel_histogram", "kurtosis_map"},
+          .own_law = true,
           .emccd = true,
           .qcmos = false,
           .make = make_effect<SerialCic>};

@@ -57,7 +57,7 @@ class Diagnosis:
     @property
     def gap(self) -> dict[str, Any]:
         """How far it closes: `before`, `after`, `floor` (simulation against simulation), `closed` with
-        `closed_interval`, `steps` per effect, and by which `metric`."""
+        `closed_interval`, `by_observable`, `steps` per effect, and by which `metric`."""
         return dict(self.as_dict()["gap"])
 
     @property

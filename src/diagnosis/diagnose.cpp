@@ -9,6 +9,7 @@
 #include "base/error.hpp"
 #include "diagnosis/diagnosis.hpp"
 #include "diagnosis/fit.hpp"
+#include "diagnosis/gap_closed.hpp"
 #include "diagnosis/model.hpp"
 #include "diagnosis/scan.hpp"
 #include "diagnosis/stages.hpp"
@@ -24,12 +25,6 @@ constexpr double far_away = 1.6;        // nothing at this distance has ever clo
 
 constexpr double least_closed = 0.65;  // at best, of the gap on held-out frames, for an effect to be named
 constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
-
-/// Deviations of a model in units of the larger of two models' deviations; 0 where one of them has none.
-Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
-  const auto a = model.deviation().array(), b = other.deviation().array();
-  return (a > 0 && b > 0).select(a / a.max(b).max(1e-300), 0.0);
-}
 
 constexpr std::uintmax_t largest_cache = std::uintmax_t{4} << 30;
 
@@ -257,16 +252,9 @@ class Diagnoser {
     return real;
   }
 
-  /// Closed fraction over all frames of what the model is to explain, in units of the plain model's
-  /// deviations.
-  double closed_by(const Model& model) const {
-    const Eigen::VectorXd mask = only_of(model.explains);
-    const Eigen::VectorXd ratio = in_larger_units(*model.standard, *plain_.standard).cwiseProduct(mask);
-    const double before =
-        gap_of(plain_.z.cwiseProduct(in_larger_units(*plain_.standard, *model.standard)).cwiseProduct(mask));
-    const double after = gap_of(model.z.cwiseProduct(ratio));
-    const double floor = Floor(*model.standard, ratio).at(0.5);
-    return before > floor ? 1 - std::max(0.0, after - floor) / (before - floor) : 0;
+  double closed_by(const Model& model) const { return atomcam::closed_by(model, plain_, declarations_); }
+  Eigen::VectorXd only_of(const std::vector<std::string>& observables) const {
+    return atomcam::only_of(observables, declarations_);
   }
 
   void note(const Model& model, double evidence) {
@@ -542,87 +530,17 @@ class Diagnoser {
     have_final_ = true;
   }
 
-  /// 1 for the statistics of these observables, 0 for the others; of no observable: 1 for all.
-  Eigen::VectorXd only_of(const std::vector<std::string>& observables) const {
-    Eigen::VectorXd mask(static_cast<Eigen::Index>(declarations_.size()));
-    for (std::size_t k = 0; k < declarations_.size(); ++k)
-      mask(static_cast<Eigen::Index>(k)) =
-          observables.empty() ||
-          std::find(observables.begin(), observables.end(), declarations_[k].observable) != observables.end();
-    return mask;
-  }
-
-  /// Before and after on the held-out frames: effects as fitted to the others.
+  /// Before and after on the held-out frames.
   void how_far() {
-    const Standard before(plain_.population, Part::held_out);
-    const Eigen::VectorXd held_out = as_vector(real_.part[1]);
-    GapClosed& gap = result_.gap;
-    gap.before = gap_of(before.judge(held_out));
-    gap.after = gap.before;
-    gap.floor = Floor(before).at(0.5);
-    if (!have_final_) return;
-    std::vector<Eigen::Index> known;
-    for (auto k = final_.first_effect_parameter; k < static_cast<Eigen::Index>(final_.open.size()); ++k)
-      known.push_back(k);
-    const Eigen::VectorXd fitted = final_.estimator(Part::fitting)
-                                       .drawn_out(as_vector(real_.part[0]), final_.first_effect_parameter)
-                                       .value;
-    Eigen::VectorXd values(static_cast<Eigen::Index>(known.size()));
-    for (std::size_t k = 0; k < known.size(); ++k) values(static_cast<Eigen::Index>(k)) = fitted(known[k]);
-    const Eigen::VectorXd granted =
-        final_.explains.empty() ? Eigen::VectorXd() : final_.standard->discrepancy();
-    const Standard after(final_.population, Part::held_out, known, granted, effects_reach);
-    const Eigen::VectorXd ratio = in_larger_units(after, before);
-    const Eigen::VectorXd z_before = before.judge(held_out).cwiseProduct(in_larger_units(before, after)),
-                          z_after = after.judge(held_out, values).cwiseProduct(ratio);
-    struct Closing {
-      double before = 0, after = 0, floor = 0, closed = 0, low = 0, high = 0;
-    };
-    const auto closing = [&](const std::vector<std::string>& observables) {
-      const Eigen::VectorXd mask = only_of(observables);
-      const Floor floor(after, ratio.cwiseProduct(mask));
-      Closing one;
-      one.before = gap_of(z_before.cwiseProduct(mask));
-      one.after = gap_of(z_after.cwiseProduct(mask));
-      one.floor = floor.at(0.5);
-      const auto closed = [&](double from) {
-        if (one.before <= from) return one.after <= from ? 1.0 : 0.0;
-        return std::clamp(1 - (one.after - from) / (one.before - from), -1.0, 1.0);
-      };
-      one.closed = closed(one.floor);
-      const double low = closed(floor.at(0.05)), high = closed(floor.at(0.95));
-      one.low = std::min({low, one.closed, high});
-      one.high = std::max({low, one.closed, high});
-      return one;
-    };
-    const Closing all = closing({});
-    gap.before = all.before;
-    gap.after = all.after;
-    gap.floor = all.floor;
-    gap.closed = all.closed;
-    gap.closed_low = all.low;
-    gap.closed_high = all.high;
-    std::set<std::string> observables;
-    for (const StatisticDeclaration& one : declarations_) observables.insert(one.observable);
-    for (const std::string& name : observables) {
-      const Closing one = closing({name});
-      gap.by_observable.push_back({name, one.before, one.after, one.floor, one.closed});
-    }
-    std::sort(gap.by_observable.begin(), gap.by_observable.end(),
-              [](const ObservableGap& a, const ObservableGap& b) { return a.before > b.before; });
-    if (!final_.explains.empty()) {
-      const Closing part = closing(final_.explains);
-      gap.explains = final_.explains;
-      gap.part_closed = part.closed;
-      gap.part_closed_low = part.low;
-      gap.part_closed_high = part.high;
-    }
-    list_steps(before, fitted);
+    result_.gap = have_final_ ? gap_closed(final_, plain_, real_, declarations_) : gap_left(plain_, real_);
+    if (have_final_) list_steps();
   }
 
   /// Of several effects: the gap with only the first ones, calibration being free to follow.
-  void list_steps(const Standard& before, const Eigen::VectorXd& fitted) {
+  void list_steps() {
     GapClosed& gap = result_.gap;
+    const Standard before(plain_.population, Part::held_out);
+    const Eigen::VectorXd fitted = fitted_to_first_part(final_, real_);
     const Eigen::VectorXd held_out = as_vector(real_.part[1]);
     for (std::size_t count = 1; count < final_.effects.size(); ++count) {
       Model fewer = final_.with_first_effects(count, fitted);

@@ -1,0 +1,29 @@
+#pragma once
+// How far the gap between real and simulated shrinks with the effects that were found.
+
+#include "diagnosis/diagnosis.hpp"
+#include "diagnosis/model.hpp"
+
+namespace atomcam {
+
+/// 1 for the statistics of these observables, 0 for the others; of no observable: 1 for all.
+Eigen::VectorXd only_of(const std::vector<std::string>& observables,
+                        const std::vector<StatisticDeclaration>& battery);
+
+/// Deviations of a model in units of the larger of two models' deviations; 0 where one of them has none.
+Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other);
+
+/// Closed fraction over all frames of the gap in what a judged model is to explain.
+double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery);
+
+/// The model's open parameters (coordinates) as the first of the interleaved parts has them.
+Eigen::VectorXd fitted_to_first_part(const Model& model, const BatteryValues& real);
+
+/// The gap on the held-out part with the effects as fitted to the first, calibration being free to follow;
+/// without `steps` and `second_opinions`.
+GapClosed gap_closed(const Model& found, const Model& plain, const BatteryValues& real,
+                     const std::vector<StatisticDeclaration>& battery);
+/// The same where nothing was found.
+GapClosed gap_left(const Model& plain, const BatteryValues& real);
+
+}  // namespace atomcam

@@ -58,8 +58,15 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
   open.push_back(shift(
       "bias", std::max(0.004, 2 * bias_error), [](Lab& l, double by) { l.settings.bias_counts += by; },
       [](const Calibration& c) { return c.lab.settings.bias_counts; }));
+  // Few dark frames leave more open than many.
+  const auto width_of = [](double usual, double value, double error) {
+    return value > 0 ? std::clamp(1.5 * error / value, usual, 10 * usual) : usual;
+  };
+  const QcmosDarkFit& maps = calibration.dark_maps;
   open.push_back(relative(
-      "read_noise", 0.006,
+      "read_noise",
+      emccd ? width_of(0.006, calibration.counts.law.read_noise_counts, calibration.counts.read_noise_error)
+            : width_of(0.006, maps.read_noise_counts, maps.read_noise_error),
       [](Lab& l, double factor) {
         std::visit([&](auto& sensor) { sensor.readout_modes.front().read_noise_e *= factor; }, l.sensor);
       },
@@ -90,19 +97,19 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
         [](const Calibration& c) { return c.model.background_e; }));
   if (!emccd) {
     open.push_back(relative(
-        "pixel_offsets", 0.02,
+        "pixel_offsets", width_of(0.02, maps.offset_sigma_counts, maps.offset_sigma_error),
         [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).offset_sigma_counts *= factor; },
         [](const Calibration& c) { return c.dark_maps.offset_sigma_counts; }));
     open.push_back(relative(
-        "column_offsets", 0.15,
+        "column_offsets", width_of(0.15, maps.column_gumbel_counts, maps.column_gumbel_error),
         [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).column_gumbel_counts *= factor; },
         [](const Calibration& c) { return c.dark_maps.column_gumbel_counts; }));
     open.push_back(relative(
-        "row_offsets", 0.15,
+        "row_offsets", width_of(0.15, maps.row_offset_sigma_counts, maps.row_offset_sigma_error),
         [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).row_offset_sigma_counts *= factor; },
         [](const Calibration& c) { return c.dark_maps.row_offset_sigma_counts; }));
     open.push_back(relative(
-        "read_noise_spread", 0.08,
+        "read_noise_spread", width_of(0.08, maps.read_noise_log_sigma, maps.read_noise_log_sigma_error),
         [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).read_noise_log_sigma *= factor; },
         [](const Calibration& c) { return c.dark_maps.read_noise_log_sigma; }));
   }

@@ -1,0 +1,33 @@
+// What calibration leaves open, and how far.
+#include "diagnosis/uncertain.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+namespace atomcam {
+namespace {
+
+double width_of(const std::vector<Uncertain>& open, std::string_view name) {
+  const auto found =
+      std::find_if(open.begin(), open.end(), [&](const Uncertain& one) { return one.name == name; });
+  return found == open.end() ? 0 : found->width;
+}
+
+TEST(Uncertain, FewDarkFramesLeaveAQcmosNoiseMoreOpen) {
+  Calibration calibration;
+  calibration.lab = preset("orca-quest");
+  calibration.dark_maps.read_noise_counts = 4;
+  calibration.dark_maps.read_noise_log_sigma = 0.3;
+  calibration.dark_maps.read_noise_error = 0.004;  // hundreds of frames
+  const auto many = calibration_uncertainty(calibration);
+  calibration.dark_maps.read_noise_error = 0.08;
+  calibration.dark_maps.read_noise_log_sigma_error = 0.1;
+  const auto few = calibration_uncertainty(calibration);
+  EXPECT_DOUBLE_EQ(width_of(many, "read_noise"), 0.006);
+  EXPECT_DOUBLE_EQ(width_of(few, "read_noise"), 1.5 * 0.08 / 4);
+  EXPECT_GT(width_of(few, "read_noise_spread"), 2 * width_of(many, "read_noise_spread"));
+}
+
+}  // namespace
+}  // namespace atomcam

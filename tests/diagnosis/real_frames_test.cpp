@@ -1,0 +1,54 @@
+// Frames of a real EMCCD in the dark, from a folder that ATOMCAM_DATA names.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "calibration/notes.hpp"
+#include "calibration/stack_frames.hpp"
+#include "diagnosis/diagnosis.hpp"
+
+namespace atomcam {
+namespace {
+
+TEST(RealFrames, ChargeBornInTheRegisterIsSeenAndNamed) {
+  const char* data = std::getenv("ATOMCAM_DATA");
+  if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
+  // The middle of the frames.
+  constexpr int size = 160;
+  const auto whole =
+      open_frames(std::filesystem::path(data) / "real" / "jqi-andor512-emccd" / "Background_*.tiff");
+  std::vector<CountImage> middle;
+  whole->visit([&](std::size_t, const CountImage& frame) {
+    CountImage cut({size, size});
+    for (int row = 0; row < size; ++row)
+      for (int column = 0; column < size; ++column)
+        cut(row, column) = frame(row + (frame.rows() - size) / 2, column + (frame.columns() - size) / 2);
+    middle.push_back(std::move(cut));
+  });
+  const FramesInMemory frames(std::move(middle));
+  const Notes notes = parse_notes(
+      R"({"camera": "iXon 897 EMCCD", "shape": [160, 160], "settings": {"em_gain": 100, "preamp_e_per_adu": 10,
+          "bias_adu": 486, "read_noise_adu": 3, "cic_e": 0.3}})",
+      "notes");
+  DiagnosisOptions options;
+  options.threads = 2;
+  options.include = {"row_noise"};
+  const Diagnosis withheld = diagnose(notes, frames, nullptr, options);
+  EXPECT_EQ(withheld.verdict, Verdict::unexplained) << withheld.sentence;
+  EXPECT_EQ(withheld.unexplained.stage, "sensor") << withheld.sentence;
+  bool between = false;
+  for (const Difference& one : withheld.where)
+    between |= one.statistic == "light.pixel_histogram.law.to_3.5_read_noises" && one.z > 5;
+  EXPECT_TRUE(between) << withheld.sentence;
+  options.include = {"serial_cic"};
+  const Diagnosis named = diagnose(notes, frames, nullptr, options);
+  ASSERT_EQ(named.effects.size(), 1) << named.sentence;
+  EXPECT_EQ(named.effects[0].name, "serial_cic");
+  // One for a register of gain 91, as the likelihood of the histogram has it, too.
+  EXPECT_NEAR(named.effects[0].parameters[0].value, 1, 0.2);
+  EXPECT_GT(named.gap.part_closed, 0.75);
+  EXPECT_TRUE(named.unexplained.present);
+}
+
+}  // namespace
+}  // namespace atomcam

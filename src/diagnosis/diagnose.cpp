@@ -380,8 +380,8 @@ class Diagnoser {
   void explain_in_part(const ScanViews& real) {
     constexpr double least_gap = 50;   // mean square of the largest deviations of these observables
     constexpr double promising = 0.3;  // part of their squares, by the scan, which does not recalibrate
-    constexpr double rival = 0.5;      // another effect that takes away so much may be the one
-    constexpr double grown = 1.1;      // the gap elsewhere must not be
+    constexpr std::size_t rivals = 2;
+    constexpr double grown = 1.1;  // the gap elsewhere must not be
     for (const Scan& scan : scans_) {
       if (!scan.effect->own_law) continue;
       const Eigen::VectorXd own = only_of(scan.effect->observables);
@@ -389,25 +389,35 @@ class Diagnoser {
       if (gap_of(plain_.z.cwiseProduct(own)) < least_gap) continue;
       const PartMatch match = match_part(scan, own, real);
       if (match.share < promising) continue;
-      if (std::any_of(scans_.begin(), scans_.end(), [&](const Scan& other) {
-            return &other != &scan && match_part(other, own, real).share > std::max(rival, match.share);
-          }))
-        continue;
+      // Beside it the effects that the scan finds more of there: they have to be farther away once fitted.
+      std::vector<std::pair<const Scan*, PartMatch>> tried{{&scan, match}};
+      for (const Scan& other : scans_)
+        if (PartMatch its = match_part(other, own, real); &other != &scan && its.share > match.share)
+          tried.emplace_back(&other, std::move(its));
+      std::sort(tried.begin() + 1, tried.end(),
+                [](const auto& a, const auto& b) { return a.second.share > b.second.share; });
+      if (tried.size() > 1 + rivals) tried.resize(1 + rivals);
       std::vector<Contender> contenders;
-      contenders.push_back(
-          {scan.effect->name + ", in part", with(plain_, scan, match.best), scan.best().log_likelihood});
-      contenders.back().model.explains = scan.effect->observables;
-      for (Model& model : fit_and_judge(std::move(contenders), 0.95, 1)) {
-        const Eigen::VectorXd ratio = in_larger_units(*model.standard, *plain_.standard);
-        if (significant(model).empty() || closed_by(model) < least_part_closed ||
-            gap_of(model.z.cwiseProduct(ratio).cwiseProduct(others)) >
-                grown * gap_of(plain_.z.cwiseProduct(others)))
-          continue;
-        accept(model, 0.5 + 0.5 * closed_by(model));
-        result_.verdict = Verdict::partly_explained;
-        result_.p_after = result_.p_gap;
-        return;
+      for (const auto& [one, its] : tried) {
+        contenders.push_back(
+            {one->effect->name + ", in part", with(plain_, *one, its.best), one->best().log_likelihood});
+        contenders.back().model.explains = scan.effect->observables;
       }
+      std::vector<Model> judged = fit_and_judge(std::move(contenders), 0.95, 1);
+      const auto best = std::max_element(
+          judged.begin(), judged.end(),
+          [](const Model& one, const Model& other) { return one.log_likelihood < other.log_likelihood; });
+      if (best == judged.end() || best->effects.front() != scan.effect->name) continue;
+      const Eigen::VectorXd elsewhere =
+          in_larger_units(*best->standard, *plain_.standard).cwiseProduct(others);
+      if (significant(*best).empty() || closed_by(*best) < least_part_closed ||
+          gap_of(best->z.cwiseProduct(elsewhere)) > grown * gap_of(plain_.z.cwiseProduct(others)))
+        continue;
+      const double closed = closed_by(*best);
+      accept(*best, 0.5 + 0.5 * closed);
+      result_.verdict = Verdict::partly_explained;
+      result_.p_after = result_.p_gap;
+      return;
     }
   }
 

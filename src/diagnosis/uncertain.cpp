@@ -194,9 +194,9 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect) {
     if (strength || size) {
       low = std::max(p.minimum, first.default_value / 20);
       // Thirty times the usual; a strength that is itself a multiple of the usual, or one that differs by
-      // orders of magnitude between cameras, three hundred times.
+      // orders of magnitude between cameras (not a part of something), three hundred times.
       const bool multiple = first.unit == "1" && first.default_value == 1;
-      const bool orders = first.scale == ParameterScale::logarithmic;
+      const bool orders = first.unit != "1" && first.scale == ParameterScale::logarithmic;
       high = std::min(p.maximum, first.default_value * (multiple || orders ? 300 : 30));
     } else if (logarithmic) {
       low = std::max(p.minimum, p.default_value / 20);

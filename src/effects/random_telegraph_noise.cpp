@@ -53,9 +53,10 @@ EffectDeclaration random_telegraph_noise() {
                           .default_value = 15,
                           .scale = ParameterScale::logarithmic,
                           .meaning = "Mean distance of the levels."},
+                         // A level that forgets within two frames is the converter's (dual_adc_peaks).
                          {.key = "dwell_frames",
                           .unit = "frames",
-                          .minimum = 1,
+                          .minimum = 3,
                           .maximum = 1000,
                           .default_value = 5,
                           .scale = ParameterScale::logarithmic,

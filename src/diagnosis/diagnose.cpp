@@ -380,45 +380,56 @@ class Diagnoser {
   void explain_in_part(const ScanViews& real) {
     constexpr double least_gap = 50;   // mean square of the largest deviations of these observables
     constexpr double promising = 0.3;  // part of their squares, by the scan, which does not recalibrate
-    constexpr std::size_t rivals = 2;
-    constexpr double grown = 1.1;  // the gap elsewhere must not be
+    constexpr double ahead = 0.15;     // of any other effect, of the gap
+    constexpr double grown = 1.1;      // the gap elsewhere must not be
     for (const Scan& scan : scans_) {
       if (!scan.effect->own_law) continue;
-      const Eigen::VectorXd own = only_of(scan.effect->observables);
+      const std::vector<std::string>& observables = scan.effect->observables;
+      const Eigen::VectorXd own = only_of(observables);
       const Eigen::VectorXd others = Eigen::VectorXd::Ones(own.size()) - own;
       if (gap_of(plain_.z.cwiseProduct(own)) < least_gap) continue;
       const PartMatch match = match_part(scan, own, real);
       if (match.share < promising) continue;
-      // Beside it the effects that the scan finds more of there: they have to be farther away once fitted.
-      std::vector<std::pair<const Scan*, PartMatch>> tried{{&scan, match}};
-      for (const Scan& other : scans_)
-        if (PartMatch its = match_part(other, own, real); &other != &scan && its.share > match.share)
-          tried.emplace_back(&other, std::move(its));
-      std::sort(tried.begin() + 1, tried.end(),
-                [](const auto& a, const auto& b) { return a.second.share > b.second.share; });
-      if (tried.size() > 1 + rivals) tried.resize(1 + rivals);
-      std::vector<Contender> contenders;
-      for (const auto& [one, its] : tried) {
-        contenders.push_back(
-            {one->effect->name + ", in part", with(plain_, *one, its.best), one->best().log_likelihood});
-        contenders.back().model.explains = scan.effect->observables;
-      }
-      std::vector<Model> judged = fit_and_judge(std::move(contenders), 0.95, 1);
-      const auto best = std::max_element(
-          judged.begin(), judged.end(),
-          [](const Model& one, const Model& other) { return one.log_likelihood < other.log_likelihood; });
-      if (best == judged.end() || best->effects.front() != scan.effect->name) continue;
+      std::vector<Model> judged = fit_in_part(scan, match, observables);
+      if (judged.empty()) continue;
+      Model& model = judged.front();
       const Eigen::VectorXd elsewhere =
-          in_larger_units(*best->standard, *plain_.standard).cwiseProduct(others);
-      if (significant(*best).empty() || closed_by(*best) < least_part_closed ||
-          gap_of(best->z.cwiseProduct(elsewhere)) > grown * gap_of(plain_.z.cwiseProduct(others)))
+          in_larger_units(*model.standard, *plain_.standard).cwiseProduct(others);
+      const double closed = closed_by(model);
+      if (significant(model).empty() || closed < least_part_closed ||
+          gap_of(model.z.cwiseProduct(elsewhere)) > grown * gap_of(plain_.z.cwiseProduct(others)))
         continue;
-      const double closed = closed_by(*best);
-      accept(*best, 0.5 + 0.5 * closed);
+      if (closed_by_rival(scan, own, observables, real) > closed - ahead) continue;
+      accept(model, 0.5 + 0.5 * closed);
       result_.verdict = Verdict::partly_explained;
       result_.p_after = result_.p_gap;
       return;
     }
+  }
+
+  /// One model or none.
+  std::vector<Model> fit_in_part(const Scan& scan, const PartMatch& match,
+                                 const std::vector<std::string>& observables) {
+    std::vector<Contender> contenders;
+    contenders.push_back(
+        {scan.effect->name + ", in part", with(plain_, scan, match.best), scan.best().log_likelihood});
+    contenders.back().model.explains = observables;
+    return fit_and_judge(std::move(contenders), 0.95, 1);
+  }
+
+  /// What the other effect that the scan finds most of in these observables closes of their gap.
+  double closed_by_rival(const Scan& scan, const Eigen::VectorXd& own,
+                         const std::vector<std::string>& observables, const ScanViews& real) {
+    const Scan* rival = nullptr;
+    PartMatch best;
+    for (const Scan& other : scans_)
+      if (PartMatch match = match_part(other, own, real); &other != &scan && match.share > best.share) {
+        rival = &other;
+        best = std::move(match);
+      }
+    if (!rival) return 0;
+    const std::vector<Model> judged = fit_in_part(*rival, best, observables);
+    return judged.empty() ? 0 : closed_by(judged.front());
   }
 
   /// The effects whose strength is some errors away from nothing.

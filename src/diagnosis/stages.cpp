@@ -204,8 +204,8 @@ std::string sentence_of(const Diagnosis& d) {
     case Verdict::partly_explained:
       if (!d.gap.explains.empty())
         return fmt::format(
-            "{} {} {} of the gap in {} on held-out frames, and nothing else does; what remains elsewhere is "
-            "not explained: {}.",
+            "{} {} {} of the gap in {} on held-out frames; what remains, there and elsewhere, is not "
+            "explained: {}.",
             names(), d.effects.size() > 1 ? "close" : "closes", percent(d.gap.part_closed),
             fmt::join(d.gap.explains, " and "), d.unexplained.looks_like);
       return fmt::format("{} {} {} of the gap on held-out frames; what remains is not explained.", names(),

@@ -30,6 +30,9 @@ Diagnosis everything() {
              {"scene", "dark.x", "site_brightness", "site", "all <sites>", -2, 0.4, -2}};
   d.gap.before = 100, d.gap.after = 10, d.gap.floor = 5, d.gap.closed = 0.95;
   d.gap.closed_low = 0.9, d.gap.closed_high = std::numeric_limits<double>::quiet_NaN();
+  d.gap.by_observable = {{"row_means", 80, 9, 4, 0.93}};
+  d.gap.explains = {"row_means"};
+  d.gap.part_closed = 0.93, d.gap.part_closed_low = 0.9, d.gap.part_closed_high = 0.95;
   d.gap.steps = {{"row_noise", 10}};
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const DetectorOpinion::OfFrames simulated = {{0.99, 0.001}, {8, 0.1}, {0.991, 0.002}};
@@ -103,6 +106,14 @@ TEST(DiagnosisJson, KeysAreStable) {
                                           "gap.closed_interval[]",
                                           "gap.p_before",
                                           "gap.p_after",
+                                          "gap.by_observable[].observable",
+                                          "gap.by_observable[].before",
+                                          "gap.by_observable[].after",
+                                          "gap.by_observable[].floor",
+                                          "gap.by_observable[].closed",
+                                          "gap.explains[]",
+                                          "gap.part_closed",
+                                          "gap.part_closed_interval[]",
                                           "gap.steps[].effect",
                                           "gap.steps[].gap",
                                           "gap.second_opinions[].metric",
@@ -138,6 +149,7 @@ TEST(DiagnosisJson, KeysAreStable) {
                                           "unexplained.looks_like",
                                           "hypotheses[].effects[]",
                                           "hypotheses[].log_evidence",
+                                          "hypotheses[].share",
                                           "hypotheses[].p_value",
                                           "hypotheses[].closed",
                                           "hypotheses[].imitates",

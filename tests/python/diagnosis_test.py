@@ -204,7 +204,7 @@ except KeyboardInterrupt:
                 ("row_nois.*catalogue", (self.plain, notes), {"exclude": ["row_nois"]}),
                 ("exclude", (self.plain, notes), {"exclude": "row_noise"}),
                 ("frames: shape", (self.plain[0], notes), {}),
-                ("12 frames.*40", (self.plain[:12], notes), {}),
+                ("9 frames.*10", (self.plain[:9], notes), {}),
                 ("64 x 65", (self.plain, {**notes, "shape": [64, 65]}), {}),
                 ("darks", (self.plain, notes), {"darks": self.darks[:, :32]}),
                 ("against", (self.plain, notes), {"against": self.plain, "exclude": ["row_noise"]}),

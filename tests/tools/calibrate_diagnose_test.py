@@ -233,7 +233,9 @@ class Commands(unittest.TestCase):
     def test_diagnose_refuses_frames_that_cannot_be_judged(self):
         _, plain = load(self.plain)
         pixels = 40 * 40
-        self.spoiled(["frames: 12 frames are too few", "40"], plain[:12 * pixels], (12, 40, 40))
+        self.spoiled(["frames: 9 frames are too few", "10"], plain[:9 * pixels], (9, 40, 40))
+        shape, atoms = load(self.render("few_atoms.npy", LAB % 0.6, 39))
+        self.spoiled(["frames: 39 frames are too few", "40", "with sites"], atoms, shape, notes=self.notes)
         self.spoiled(["no_sites.json: shape", "40 x 40", "32 rows"], plain[:48 * 32 * 40], (48, 32, 40))
         self.spoiled(["frames: ", "are 65535, the largest: saturated", "0.1 %"], [min(65535, 300 * v) for v in plain])
         self.spoiled(["frames: all 48 frames are the same"], plain[:pixels] * 48)

@@ -33,9 +33,10 @@ function(atomcam_library name)
   target_link_libraries(atomcam_${name} PRIVATE ${ARG_LINKS})
 endfunction()
 
-# The tests of one folder as one executable, tests/<name>/*.cpp; WORKING in the source tree.
+# The tests of one folder as one executable, tests/<name>/*.cpp; WORKING in the source tree. PROCESSORS: a test that
+# streams loses frames beside one that computes.
 function(atomcam_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "USES;LINKS" ${ARGN})
+  cmake_parse_arguments(ARG "" "TIMEOUT;PROCESSORS" "USES;LINKS" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${name}/*.cpp)
   if(NOT sources)
     return()
@@ -51,5 +52,9 @@ function(atomcam_test name)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 300)
   endif()
-  gtest_discover_tests(test_${name} DISCOVERY_MODE PRE_TEST PROPERTIES TIMEOUT ${ARG_TIMEOUT})
+  if(NOT ARG_PROCESSORS)
+    set(ARG_PROCESSORS 1)
+  endif()
+  gtest_discover_tests(test_${name} DISCOVERY_MODE PRE_TEST PROPERTIES TIMEOUT ${ARG_TIMEOUT} PROCESSORS
+                                                                       ${ARG_PROCESSORS})
 endfunction()

@@ -67,7 +67,8 @@ class Diagnosis:
 
     @property
     def hypotheses(self) -> list[dict[str, Any]]:
-        """What was tried: `effects`, `log_evidence`, `p_value` and `closed` (None: not fitted), `why_not`."""
+        """What was tried: `effects`, `log_evidence`, `share` (of the misfit, as the scan sees it), `p_value` and
+        `closed` (None: not fitted), `why_not`."""
         return list(self.as_dict()["hypotheses"])
 
     @property

@@ -28,11 +28,19 @@ constexpr std::array<Band, 12> bands = {{{"far_below", -1.5, 0},
                                          {"to_5_gains", 5, 5},
                                          {"tail", 5, 1e9}}};
 
+double product(const std::vector<double>& a, const std::vector<double>& b) {
+  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+}
+/// Leaves nothing along a direction of length one.
+void take_out(const std::vector<double>& direction, std::vector<double>& from) {
+  const double along = product(direction, from);
+  for (std::size_t b = 0; b < from.size(); ++b) from[b] -= along * direction[b];
+}
+
 }  // namespace
 
 LawBands::LawBands(const Layout& layout) : expected_(layout.expected) {
-  const ExpectedCounts& expected = expected_;
-  const std::size_t size = expected.probability.size();
+  const std::size_t size = expected_.probability.size();
   if (size == 0) return;
   const double bias = static_cast<double>(layout.bias), read = static_cast<double>(layout.read_noise),
                gain = static_cast<double>(layout.counts_per_e);
@@ -42,40 +50,35 @@ LawBands::LawBands(const Layout& layout) : expected_(layout.expected) {
       ++band;
     return band;
   };
-  std::vector<std::vector<double>> slopes(expected.directions.size());
+  // A direction's change from one place of the law to another.
+  const auto change = [](const std::vector<double>& direction, std::size_t from, std::size_t to) {
+    return std::accumulate(direction.begin() + static_cast<std::ptrdiff_t>(from),
+                           direction.begin() + static_cast<std::ptrdiff_t>(to), 0.0);
+  };
+  std::vector<std::vector<double>> slopes(expected_.directions.size());
   std::size_t from = 0;
   double probability = 0;
   for (std::size_t k = 0; k < size; ++k) {
-    probability += expected.probability[k];
-    const int code = expected.first + static_cast<int>(k);
-    const std::size_t band = band_of(code);
+    probability += expected_.probability[k];
     if (probability < least_probability) continue;
-    bins_.push_back({expected.first + static_cast<int>(from), code + 1, probability, band});
+    const int code = expected_.first + static_cast<int>(k);
+    bins_.push_back({code + 1, probability, band_of(code)});
     for (std::size_t d = 0; d < slopes.size(); ++d)
-      slopes[d].push_back(std::accumulate(expected.directions[d].begin() + static_cast<std::ptrdiff_t>(from),
-                                          expected.directions[d].begin() + static_cast<std::ptrdiff_t>(k) + 1,
-                                          0.0));
+      slopes[d].push_back(change(expected_.directions[d], from, k + 1));
     from = k + 1;
     probability = 0;
   }
   if (bins_.empty()) return;
-  // The outermost bins hold all that lies beyond.
-  bins_.front().begin = std::numeric_limits<int>::min();
+  // The last bin holds all that lies beyond.
   bins_.back().end = std::numeric_limits<int>::max();
   bins_.back().probability += probability;
   for (std::size_t d = 0; d < slopes.size(); ++d) {
-    slopes[d].back() += std::accumulate(expected.directions[d].begin() + static_cast<std::ptrdiff_t>(from),
-                                        expected.directions[d].end(), 0.0);
     std::vector<double>& direction = slopes[d];
+    direction.back() += change(expected_.directions[d], from, size);
     for (std::size_t b = 0; b < bins_.size(); ++b) direction[b] /= std::sqrt(bins_[b].probability);
-    const double before =
-        std::sqrt(std::inner_product(direction.begin(), direction.end(), direction.begin(), 0.0));
-    for (const std::vector<double>& other : basis_) {
-      const double along = std::inner_product(direction.begin(), direction.end(), other.begin(), 0.0);
-      for (std::size_t b = 0; b < bins_.size(); ++b) direction[b] -= along * other[b];
-    }
-    const double length =
-        std::sqrt(std::inner_product(direction.begin(), direction.end(), direction.begin(), 0.0));
+    const double before = std::sqrt(product(direction, direction));
+    for (const std::vector<double>& other : basis_) take_out(other, direction);
+    const double length = std::sqrt(product(direction, direction));
     if (!(length > 1e-6 * before)) continue;
     for (double& value : direction) value /= length;
     basis_.push_back(direction);
@@ -90,15 +93,13 @@ void LawBands::put(std::span<const double> below, int first, Sheet& sheet) const
         std::clamp<std::int64_t>(std::int64_t{code} - first, 0, std::ssize(below) - 1))];
   };
   std::vector<double> off;
+  double counted = 0;
   for (const Bin& bin : bins_) {
-    const double expected = total * bin.probability;
-    off.push_back((number_below(bin.end) - number_below(bin.begin) - expected) /
-                  std::sqrt(std::max(expected, 1e-9)));
+    const double expected = total * bin.probability, upto = number_below(bin.end);
+    off.push_back((upto - counted - expected) / std::sqrt(std::max(expected, 1e-9)));
+    counted = upto;
   }
-  for (const std::vector<double>& direction : basis_) {
-    const double along = std::inner_product(off.begin(), off.end(), direction.begin(), 0.0);
-    for (std::size_t b = 0; b < off.size(); ++b) off[b] -= along * direction[b];
-  }
+  for (const std::vector<double>& direction : basis_) take_out(direction, off);
   std::array<double, bands.size()> sum{}, probability{};
   double square = 0;
   for (std::size_t b = 0; b < bins_.size(); ++b) {

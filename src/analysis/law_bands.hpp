@@ -31,7 +31,7 @@ class LawBands {
 
  private:
   struct Bin {
-    int begin = 0, end = 0;  // counts from begin on, below end
+    int end = 0;  // counts below it, and from the end of the bin before it on
     double probability = 0;
     std::size_t band = 0;
   };

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -136,8 +137,8 @@ class Report {
     const double k = law.em_gain / law.electrons_per_count;
     const int first = std::max(0, static_cast<int>(law.bias_counts - 8 * law.read_noise_counts)),
               last = static_cast<int>(law.bias_counts + std::max(30 * law.read_noise_counts, 8 * k));
-    int size = 1024;
-    while (size < 2 * (last - first)) size *= 2;
+    const int size =
+        static_cast<int>(std::bit_ceil(static_cast<unsigned>(std::max(1024, 2 * (last - first)))));
     CountLaw at = law;
     at.events_spread = 0;
     if (!fit.events_e.empty()) at.events_e = fit.events_e.front();

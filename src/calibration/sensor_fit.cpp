@@ -1,6 +1,7 @@
 #include "calibration/sensor_fit.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numbers>
 #include <numeric>
@@ -132,8 +133,8 @@ CountFit fit_counts(const std::vector<CountHistogram>& histograms, bool first_is
   };
   const auto expected = [&](const Eigen::VectorXd& p, int h) {
     const CountHistogram& histogram = histograms[h];
-    int size = 1024;
-    while (size < static_cast<int>(histogram.occurrences.size()) * 3 / 2) size *= 2;
+    const int size =
+        static_cast<int>(std::bit_ceil(std::max<std::size_t>(1024, histogram.occurrences.size() * 3 / 2)));
     std::vector<double> law = count_probabilities(law_of(p, h), histogram.first, size);
     law.resize(histogram.occurrences.size());
     double total = 0;

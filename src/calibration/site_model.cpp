@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <optional>
 
@@ -27,8 +28,7 @@ ExpectedCounts expected_counts(const CountLaw& law) {
   expected.first = static_cast<int>(std::floor(law.bias_counts - below));
   const auto size = static_cast<int>(std::ceil(below + above));
   constexpr int largest = 1 << 16;
-  int covered = 256;
-  while (covered < size && covered < largest) covered *= 2;
+  const int covered = std::clamp(static_cast<int>(std::bit_ceil(static_cast<unsigned>(size))), 256, largest);
   const auto probabilities = [&](const CountLaw& of) {
     std::vector<double> list = count_probabilities(of, expected.first, covered);
     list.resize(static_cast<std::size_t>(std::min(size, covered)));

@@ -53,7 +53,10 @@ class Diagnoser {
     const auto start = std::chrono::steady_clock::now();
     prepare();
     judge_plain();
-    if (result_.p_gap < gap_level && !options_.where_only) explain();
+    if (result_.p_gap < gap_level && !options_.where_only) {
+      explain();
+      if (!have_final_) explain_in_part();
+    }
     conclude();
     result_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return std::move(result_);
@@ -330,10 +333,7 @@ class Diagnoser {
     std::vector<Model> singles = fit_and_judge(std::move(contenders), 0.58, 0.8);
     if (choose(singles)) return;
     // Pairs: those whose fingerprints add up best to the real one, then really simulated.
-    if (singles.empty()) {
-      nearest({});
-      return explain_in_part(real);
-    }
+    if (singles.empty()) return nearest({});
     const auto left_alone =
         std::max_element(singles.begin(), singles.end(),
                          [](const Model& a, const Model& b) { return a.log_likelihood < b.log_likelihood; });
@@ -372,12 +372,12 @@ class Diagnoser {
     for (auto& m : singles) all.push_back(std::move(m));
     for (auto& m : pairs) all.push_back(std::move(m));
     nearest(std::move(all));
-    if (!have_final_) explain_in_part(real);
   }
 
   /// Real cameras have several effects at once, some in no catalogue. One that has a law of its own is named
   /// for what it explains in its own observables though others stay odd.
-  void explain_in_part(const ScanViews& real) {
+  void explain_in_part() {
+    const ScanViews real = views_of(*plain_.standard, as_vector(real_.whole));
     constexpr double least_gap = 50;   // mean square of the largest deviations of these observables
     constexpr double promising = 0.3;  // part of their squares, by the scan, which does not recalibrate
     constexpr double ahead = 0.15;     // of any other effect, of the gap

@@ -201,51 +201,53 @@ Eigen::VectorXd expanded(const Eigen::VectorXd& y) {
   return y.unaryExpr([](double v) { return 2 * std::sinh(v / 2); });
 }
 
+struct Least {
+  double left = 0;
+  Eigen::VectorXd at;
+};
+
+/// Where the effect leaves least of something: about `start`, at the stacks made, and nearer and nearer about
+/// the best of these.
+template <class Left>
+Least least_left(const Scan& scan, const Eigen::VectorXd& start, RandomStream& random, const Left& left) {
+  const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
+  Least least{left(start), start};
+  const auto attempt = [&](const Eigen::VectorXd& at) {
+    if (const double value = left(at); value < least.left) least = {value, at};
+  };
+  for (Eigen::Index n = 0; n < scan.draws.rows(); ++n) attempt(scan.draws.row(n).transpose());
+  for (const double step : {0.2, 0.1, 0.04})
+    for (int n = 0; n < 60; ++n) attempt(moved_by(scan.open, least.at, step, uniform));
+  return least;
+}
+
 }  // namespace
 
 double imitated(const Eigen::VectorXd& fingerprint, const Scan& by, std::size_t view) {
-  RandomStream random(1, stream_id("diagnosis/imitated"), 0, 0);
-  const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
-  const Emulator& emulator = *by.view[view].emulator;
-  Eigen::VectorXd best = by.view[view].best;
-  const auto left = [&](const Eigen::VectorXd& at) {
-    return (fingerprint - emulator(at).mean).squaredNorm();
-  };
-  double least = left(best);
-  const auto attempt = [&](const Eigen::VectorXd& at) {
-    const double value = left(at);
-    if (value < least) least = value, best = at;
-  };
-  for (Eigen::Index n = 0; n < by.draws.rows(); ++n) attempt(by.draws.row(n).transpose());
-  for (const double step : {0.2, 0.1, 0.04})
-    for (int n = 0; n < 60; ++n) attempt(moved_by(by.open, best, step, uniform));
   const double all = fingerprint.squaredNorm();
-  return all > 0 ? std::clamp(1 - least / all, 0.0, 1.0) : 0;
+  if (!(all > 0)) return 0;
+  const Emulator& emulator = *by.view[view].emulator;
+  RandomStream random(1, stream_id("diagnosis/imitated"), 0, 0);
+  const Least found = least_left(by, by.view[view].best, random, [&](const Eigen::VectorXd& at) {
+    return (fingerprint - emulator(at).mean).squaredNorm();
+  });
+  return std::clamp(1 - found.left / all, 0.0, 1.0);
 }
 
 PartMatch match_part(const Scan& scan, const Eigen::VectorXd& mask, const ScanViews& all_real) {
   PartMatch match;
   for (std::size_t v = 0; v < scan_views; ++v) {
-    RandomStream random(1, stream_id("diagnosis/part"), v, 0);
-    const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
     const Eigen::VectorXd real = expanded(all_real[v]).cwiseProduct(mask);
     const double all = real.squaredNorm();
     if (!(all > 0)) continue;
-    Eigen::VectorXd best = scan.view[v].best;
-    const auto left = [&](const Eigen::VectorXd& at) {
-      return (real - expanded((*scan.view[v].emulator)(at).mean).cwiseProduct(mask)).squaredNorm();
-    };
-    double least = left(best);
-    const auto attempt = [&](const Eigen::VectorXd& at) {
-      const double value = left(at);
-      if (value < least) least = value, best = at;
-    };
-    for (Eigen::Index n = 0; n < scan.draws.rows(); ++n) attempt(scan.draws.row(n).transpose());
-    for (const double step : {0.2, 0.1, 0.04})
-      for (int n = 0; n < 60; ++n) attempt(moved_by(scan.open, best, step, uniform));
-    if (const double share = 1 - least / all; match.best.size() == 0 || share > match.share) {
+    const Emulator& emulator = *scan.view[v].emulator;
+    RandomStream random(1, stream_id("diagnosis/part"), v, 0);
+    const Least found = least_left(scan, scan.view[v].best, random, [&](const Eigen::VectorXd& at) {
+      return (real - expanded(emulator(at).mean).cwiseProduct(mask)).squaredNorm();
+    });
+    if (const double share = 1 - found.left / all; match.best.size() == 0 || share > match.share) {
       match.share = share;
-      match.best = best;
+      match.best = found.at;
     }
   }
   if (match.best.size() == 0) match.best = scan.best().best;

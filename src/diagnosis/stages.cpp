@@ -27,45 +27,46 @@ std::string stage_of_observable(std::string_view observable, bool darks) {
 
 namespace {
 
+/// The largest deviation of the statistics for which `counts` says so.
+template <class Counts>
+double largest(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
+               const Counts& counts) {
+  double most = 0;
+  for (std::size_t k = 0; k < battery.size(); ++k)
+    if (counts(battery[k])) most = std::max(most, std::fabs(z(static_cast<Eigen::Index>(k))));
+  return most;
+}
+
 /// Rows that vary from frame to frame with the shutter open but not with it closed: what reads them out is
 /// the same, so it is the light that flickers while the rows are exposed one after the other.
 bool light_flickers(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, quiet = 4;
-  double rows_in_light = 0, rows_in_darks = 0, largest = 0;
-  bool darks = false;
-  for (std::size_t k = 0; k < battery.size(); ++k) {
-    const double size = std::fabs(z(static_cast<Eigen::Index>(k)));
-    largest = std::max(largest, size);
-    darks |= battery[k].darks;
-    if (battery[k].name.find(".lines.rows.") == std::string::npos) continue;
-    double& rows = battery[k].darks ? rows_in_darks : rows_in_light;
-    rows = std::max(rows, size);
-  }
-  return darks && rows_in_darks < quiet && rows_in_light > std::max(clear, 0.5 * largest);
+  const auto rows = [](const StatisticDeclaration& one) {
+    return one.name.find(".lines.rows.") != std::string::npos;
+  };
+  return largest(battery, z, [&](const auto& one) { return one.darks && rows(one); }) < quiet &&
+         largest(battery, z, [&](const auto& one) { return !one.darks && rows(one); }) >
+             std::max(clear, 0.5 * z.cwiseAbs().maxCoeff());
 }
 
 /// Mean and noise that slope across the frame with the shutter open, while the noise does not with it closed:
 /// the light slopes, and its shot noise with it.
 bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, seen = 5, quiet = 4;
-  double noise = 0, mean = 0, noise_in_darks = 0, largest = 0;
-  bool darks = false;
-  for (std::size_t k = 0; k < battery.size(); ++k) {
-    const std::string& name = battery[k].name;
-    const double size = std::fabs(z(static_cast<Eigen::Index>(k)));
-    largest = std::max(largest, size);
-    darks |= battery[k].darks;
-    const std::string_view last = std::string_view(name).substr(name.rfind('.') + 1);
-    if (last != "gradient_x" && last != "gradient_y" && last != "left_right" && last != "top_bottom")
-      continue;
-    if (name.find(".temporal_maps.") != std::string::npos) {
-      double& most = battery[k].darks ? noise_in_darks : noise;
-      most = std::max(most, size);
-    } else if (!battery[k].darks && battery[k].observable == "mean_map") {
-      mean = std::max(mean, size);
-    }
-  }
-  return darks && noise_in_darks < quiet && mean > seen && noise > std::max(clear, 0.4 * largest);
+  const auto slope = [](const StatisticDeclaration& one) {
+    const std::string_view last = std::string_view(one.name).substr(one.name.rfind('.') + 1);
+    return last == "gradient_x" || last == "gradient_y" || last == "left_right" || last == "top_bottom";
+  };
+  const auto noise = [&](const StatisticDeclaration& one) {
+    return slope(one) && one.name.find(".temporal_maps.") != std::string::npos;
+  };
+  const auto mean = [&](const StatisticDeclaration& one) {
+    return slope(one) && !one.darks && one.observable == "mean_map";
+  };
+  return largest(battery, z, [&](const auto& one) { return one.darks && noise(one); }) < quiet &&
+         largest(battery, z, mean) > seen &&
+         largest(battery, z, [&](const auto& one) { return !one.darks && noise(one); }) >
+             std::max(clear, 0.4 * z.cwiseAbs().maxCoeff());
 }
 
 }  // namespace
@@ -84,7 +85,9 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   }
   // What shows with the shutter closed is the sensor's.
   if (darks > 0.2 * all && darks > 1) return "sensor";
-  if (light_flickers(battery, z) || light_slopes(battery, z)) return "optics";
+  // Light and dark frames are compared only where there are both.
+  const bool both = std::any_of(battery.begin(), battery.end(), [](const auto& one) { return one.darks; });
+  if (both && (light_flickers(battery, z) || light_slopes(battery, z))) return "optics";
   if (!hypotheses.empty()) {
     // The stage of the known effects that come closest, as far as these take anything away.
     double best = 0, share = 0;

@@ -40,7 +40,8 @@ struct AtomFit {
 /// Brightness values of all sites and frames, e. A lost atom's light is a part u of the whole, with the
 /// density of the exponential loss law; each component has its own variance and skewness (Pearson III), the
 /// lost ones their own shot noise at each u (the paper takes the unoccupied and occupied noise only).
+/// `like`: a fit to start from, of values much like these.
 AtomFit fit_atoms(const std::vector<float>& brightness, const BrightnessNoise& noise, double filling,
-                  double survival, double atom_e);
+                  double survival, double atom_e, const AtomFit* like = nullptr);
 
 }  // namespace atomcam

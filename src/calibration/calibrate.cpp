@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 #include <numeric>
+#include <optional>
 
 #include "base/error.hpp"
 #include "base/quantile.hpp"
@@ -124,7 +125,7 @@ class Calibrator {
     use_flats();
     if (input_.full) fit_single_parts();
     write_lab_values();
-    result_.model = stack_model(result_.lab);
+    result_.model = input_.like ? stack_figures(result_.lab) : current_model();
     result_.counts_per_electron_error =
         counts_per_electron() * std::hypot(gain_error_ / em_gain_, epc_error_ / electrons_per_count_);
     result_.parameters = parameter_table(result_, notes_);
@@ -381,8 +382,9 @@ class Calibrator {
   // A stack model with the figures known so far.
   StackModel current_model() {
     write_lab_values();
-    StackModel model = stack_model(result_.lab);
-    return model;
+    if (result_.has_sites && !point_spread_)
+      point_spread_.emplace(result_.lab.optics, 0, result_.lab.scene.atom_extent_um);
+    return stack_model(result_.lab, point_spread_ ? &*point_spread_ : nullptr);
   }
 
   /// Gain from light: the temporal variance of what the sites' least-squares fit leaves over.
@@ -479,7 +481,7 @@ class Calibrator {
       }
       changes[s] = std::max(0.0, (squares_of - sum * sum / n) / (n - 1));
     }
-    leaks_ = leakage(model, result_.lab, changes);
+    leaks_ = leakage(model, *point_spread_, changes);
     double signal = 0, floor = 0;
     for (std::size_t i = 0; i < pixels; ++i)
       if (used[i]) floor += read[i] + leaks_.rest_variance[i], signal += shot[i];
@@ -640,8 +642,7 @@ class Calibrator {
     const double filling_seen =
         std::clamp(mean_site_e_ / std::max(1e-6, static_cast<double>(*at)), 0.02, 0.98);
     atom_e_ = std::max(1e-3, static_cast<double>(*at));
-    write_lab_values();
-    const StackModel model = stack_model(result_.lab);
+    const StackModel model = current_model();
     const SiteNoise noise = site_noise(model);
     BrightnessNoise expected;
     expected.empty_variance = noise.empty_variance;
@@ -654,7 +655,8 @@ class Calibrator {
       expected.surroundings = surroundings(filled, leaks_, noise.empty_variance);
     }
     result_.atoms = fit_atoms(brightness_, expected, std::clamp(filling_seen, 0.05, 0.95),
-                              std::clamp(notes_.survival, 0.3, 0.995), atom_e_);
+                              std::clamp(notes_.survival, 0.3, 0.995), atom_e_,
+                              input_.like ? &input_.like->atoms : nullptr);
     atom_e_ = result_.atoms.atom_e;
   }
 
@@ -872,6 +874,7 @@ class Calibrator {
   CountHistogram dark_histogram_;
   std::vector<float> brightness_;
   Leakage leaks_;
+  std::optional<PointSpreadFunction> point_spread_;  // once the optics are known
   double bias_ = 0, noise_ = 1, em_gain_ = 1, electrons_per_count_ = 1, dark_e_ = 0, background_e_ = 0,
          atom_e_ = 0, mean_site_e_ = 0;
   double bias_error_ = 0, noise_error_ = 0, gain_error_ = 0, epc_error_ = 0;

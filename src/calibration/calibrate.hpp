@@ -46,7 +46,7 @@ struct CalibrationInput {
   /// The frames that are used: n such that use(n); empty: all.
   std::function<bool(std::size_t)> use;
   std::function<void(std::string_view step, double done)> progress;
-  /// A calibration of a stack much like this one, to start from.
+  /// A calibration of a stack much like this one, to start from; the model then has its figures only.
   const struct Calibration* like = nullptr;
 };
 

@@ -18,6 +18,7 @@ class Pearson {
   }
   double operator()(double x) const {
     const double z = (x - mean_) / deviation_;
+    if (z < -12 || z > 100) return 0;
     if (shape_ == 0) return std::exp(-0.5 * z * z) / (deviation_ * std::sqrt(2 * std::numbers::pi));
     // y = 1 + z / sqrt(shape) is gamma distributed with mean 1.
     const double excess = z / std::sqrt(shape_);

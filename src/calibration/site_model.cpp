@@ -61,15 +61,32 @@ ExpectedCounts expected_counts(const CountLaw& law) {
   return expected;
 }
 
+/// Of a pixel without any light, where there is a register that multiplies.
+std::optional<CountLaw> register_law(const Lab& lab, const StackModel& figures) {
+  const auto* emccd = std::get_if<EmccdDescription>(&lab.sensor);
+  if (!emccd) return std::nullopt;
+  const CameraSettings& camera = lab.settings;
+  const ReadoutMode& mode = emccd->readout_modes.at(static_cast<std::size_t>(camera.readout_mode));
+  if (mode.amplifier != Amplifier::electron_multiplying || !(camera.em_gain > 1)) return std::nullopt;
+  CountLaw law;
+  law.bias_counts = figures.bias_counts;
+  law.read_noise_counts = figures.read_noise_counts;
+  law.electrons_per_count = mode.electrons_per_count;
+  law.em_gain = camera.em_gain;
+  law.stages = emccd->register_stages;
+  if (const auto given = lab.effects.find("serial_cic"); given != lab.effects.end())
+    law.serial_events = given->second.front();
+  return law;
+}
+
 }  // namespace
 
-StackModel stack_model(const Lab& lab) {
+StackModel stack_figures(const Lab& lab) {
   const CameraSettings& camera = lab.settings;
   StackModel model;
   model.shape = {camera.output_height(), camera.output_width()};
   model.bias_counts = camera.bias_counts;
   double quantum_efficiency = 1, area = camera.binning_x * camera.binning_y;
-  std::optional<CountLaw> law;  // of a pixel, where there is a register
   if (const auto* emccd = std::get_if<EmccdDescription>(&lab.sensor)) {
     const ReadoutMode& mode = emccd->readout_modes.at(static_cast<std::size_t>(camera.readout_mode));
     const bool multiplied = mode.amplifier == Amplifier::electron_multiplying && camera.em_gain > 1;
@@ -79,16 +96,6 @@ StackModel stack_model(const Lab& lab) {
     model.excess_noise = excess_noise_factor(gain, emccd->register_stages);
     model.dark_e = (emccd->dark_rate_e_per_s * camera.exposure_s + emccd->clock_induced_charge_e) * area;
     quantum_efficiency = emccd->quantum_efficiency;
-    if (multiplied) {
-      law.emplace();
-      law->bias_counts = model.bias_counts;
-      law->read_noise_counts = model.read_noise_counts;
-      law->electrons_per_count = mode.electrons_per_count;
-      law->em_gain = gain;
-      law->stages = emccd->register_stages;
-      if (const auto given = lab.effects.find("serial_cic"); given != lab.effects.end())
-        law->serial_events = given->second.front();
-    }
   } else {
     const auto& qcmos = std::get<QcmosDescription>(lab.sensor);
     const ReadoutMode& mode = qcmos.readout_modes.at(static_cast<std::size_t>(camera.readout_mode));
@@ -102,7 +109,13 @@ StackModel stack_model(const Lab& lab) {
                  collected_fraction(lab.optics.numerical_aperture) * lab.optics.transmission *
                  quantum_efficiency;
   model.filling = lab.scene.filling;
-  if (law) {
+  return model;
+}
+
+StackModel stack_model(const Lab& lab, const PointSpreadFunction* known) {
+  const CameraSettings& camera = lab.settings;
+  StackModel model = stack_figures(lab);
+  if (std::optional<CountLaw> law = register_law(lab, model)) {
     law->events_e = model.dark_e;
     model.expected_dark = expected_counts(*law);
     law->events_e += model.background_e;
@@ -112,7 +125,9 @@ StackModel stack_model(const Lab& lab) {
 
   const std::vector<Site>& sites = lab.scene.sites;
   if (sites.empty()) return model;
-  const PointSpreadFunction point_spread(lab.optics, 0, lab.scene.atom_extent_um);
+  std::optional<PointSpreadFunction> own;
+  if (!known) own.emplace(lab.optics, 0, lab.scene.atom_extent_um);
+  const PointSpreadFunction& point_spread = known ? *known : *own;
   double nearest = 1e9;
   for (std::size_t a = 0; a < sites.size(); ++a)
     for (std::size_t b = a + 1; b < sites.size(); ++b)
@@ -211,12 +226,12 @@ SiteNoise site_noise(const StackModel& model) {
   return noise;
 }
 
-Leakage leakage(const StackModel& model, const Lab& lab, const std::vector<double>& site_variance_e2) {
+Leakage leakage(const StackModel& model, const PointSpreadFunction& point_spread,
+                const std::vector<double>& site_variance_e2) {
   Leakage leaks;
   leaks.into.resize(model.sites.size());
   leaks.rest_variance.assign(model.shape.pixels(), 0.0);
   if (model.sites.empty()) return leaks;
-  const PointSpreadFunction point_spread(lab.optics, 0, lab.scene.atom_extent_um);
   for (std::size_t t = 0; t < model.sites.size(); ++t) {
     const SiteImage& of = model.sites[t];
     // Twice a stamp and a half: light farther away is spread over many pixels.

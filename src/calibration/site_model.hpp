@@ -3,12 +3,17 @@
 
 #include "analysis/stack_model.hpp"
 #include "calibration/atom_fit.hpp"
+#include "optics/optics.hpp"
 #include "simulation/lab.hpp"
 
 namespace atomcam {
 
+/// Only what a pixel is expected to see and to add, without the sites' images and the law of counts.
+StackModel stack_figures(const Lab& lab);
+
 /// The stack model of a lab's plain part (its effects are left out), in the pixels of its region.
-StackModel stack_model(const Lab& lab);
+/// `point_spread`: that of the lab's optics, where it is known already.
+StackModel stack_model(const Lab& lab, const PointSpreadFunction* point_spread = nullptr);
 
 /// What one atom in a site under test would be measured with.
 struct SiteNoise {
@@ -28,7 +33,8 @@ struct Leakage {
   /// sum over sites of variance_e2[site] * (an electron's image less the estimates' images)^2, per pixel.
   std::vector<double> rest_variance;
 };
-Leakage leakage(const StackModel& model, const Lab& lab, const std::vector<double>& site_variance_e2);
+Leakage leakage(const StackModel& model, const PointSpreadFunction& point_spread,
+                const std::vector<double>& site_variance_e2);
 
 /// Mean and variance that the neighbours' being there or not gives an empty site's estimate, in a few
 /// classes.

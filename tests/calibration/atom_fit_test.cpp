@@ -15,21 +15,21 @@ namespace {
 
 constexpr double filling = 0.607, survival = 0.4, atom_e = 175, empty_sigma = 20;
 
-/// Brightness of sites as in the paper's example, in electrons before the register: Poisson light amplified
-/// by its high-gain law, on a normal background.
-std::vector<float> brightness(std::size_t sites) {
+/// Brightness of sites as in the paper's example (section "Fitting Parameter Values"), in electrons before
+/// the register: Poisson light amplified by its high-gain law, on a normal background.
+std::vector<float> brightness(std::size_t sites, double kept, double light_e, double quiet_e) {
   RandomStream random(7, stream_id("test/atom_fit"), 0, 0);
   const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
   std::vector<float> values;
   while (values.size() < sites) {
     double light = 0;
     if (uniform() < filling) {
-      const double lost_at = std::log(1 - uniform()) / std::log(survival);
-      light = atom_e * std::min(1.0, lost_at);
+      const double lost_at = std::log(1 - uniform()) / std::log(kept);
+      light = light_e * std::min(1.0, lost_at);
     }
     const double events = light > 0 ? static_cast<double>(sample_poisson(random, light)) : 0;
     const double amplified = events > 0 ? sample_gamma(random, events) : 0;
-    values.push_back(static_cast<float>(amplified + empty_sigma * sample_normal(random)));
+    values.push_back(static_cast<float>(amplified + quiet_e * sample_normal(random)));
   }
   return values;
 }
@@ -100,7 +100,7 @@ PaperFit fit_as_the_paper(const std::vector<float>& values) {
 
 TEST(AtomFit, LostAtomsHaveShotNoiseOfTheirOwn) {
   // As many as the paper's figure is made of: 2,839 images of 306 sites.
-  const std::vector<float> values = brightness(2839 * 306);
+  const std::vector<float> values = brightness(2839 * 306, survival, atom_e, empty_sigma);
   BrightnessNoise noise;
   noise.empty_variance = empty_sigma * empty_sigma;
   noise.variance_per_e = 2;
@@ -115,6 +115,29 @@ TEST(AtomFit, LostAtomsHaveShotNoiseOfTheirOwn) {
   EXPECT_NEAR(ours.atom_e, atom_e, 5 * ours.atom_error);
   EXPECT_NEAR(ours.filling, filling, 5 * ours.filling_error);
   EXPECT_LT(ours.survival_error, 0.003);
+}
+
+// A peak of empty sites that is a hundred times narrower than the occupied sites' place is seen in bins that
+// are finer than it.
+TEST(AtomFit, EmptySitesMayBeFarQuieter) {
+  constexpr double kept = 0.92, light = 220, quiet = 0.4;
+  const std::vector<float> values = brightness(300 * 30, kept, light, quiet);
+  BrightnessNoise noise;
+  noise.empty_variance = quiet * quiet;
+  noise.variance_per_e = 2;
+  noise.third_per_e = 6;
+  const AtomFit fit = fit_atoms(values, noise, 0.5, 0.95, 225);
+  EXPECT_TRUE(fit.converged);
+  EXPECT_NEAR(fit.filling, filling, 5 * fit.filling_error);
+  EXPECT_NEAR(fit.survival, kept, 5 * fit.survival_error);
+  EXPECT_NEAR(fit.atom_e, light, 5 * fit.atom_error);
+  EXPECT_NEAR(fit.empty_e, 0, 0.1 * quiet);
+  EXPECT_NEAR(fit.empty_variance_ratio, 1, 0.15);
+  // From a fit much like it, to the same.
+  const AtomFit again = fit_atoms(values, noise, 0.5, 0.95, 225, &fit);
+  EXPECT_TRUE(again.converged);
+  EXPECT_NEAR(again.atom_e, fit.atom_e, 0.1 * fit.atom_error);
+  EXPECT_NEAR(again.survival, fit.survival, 0.1 * fit.survival_error);
 }
 
 }  // namespace

@@ -11,6 +11,50 @@ namespace {
 
 constexpr double occupied_above = 0.5;
 
+// Whether a site is bright, empty or between is a coin toss: factors of 0 and 1 instead of branches.
+struct Reading {
+  double now = 0, bright = 0, residual = 0, empty = 0, above_empty = 0, middle = 0, filled = 0;
+};
+
+/// Products of all pairs of sites in one row of the grid (or one column): what a row of traps that fails, or
+/// a beam along it that flickers, makes alike. From the lines' sums: pairs are half of what the square of a
+/// sum has beyond the sum of squares.
+class SameLine {
+ public:
+  explicit SameLine(const std::vector<std::size_t>& line_of) : line_of_(line_of) {
+    for (const std::size_t line : line_of)
+      if (line >= sums_.size()) sums_.resize(line + 1);
+  }
+  void add(const std::vector<Reading>& readings) {
+    std::fill(sums_.begin(), sums_.end(), Sums{});
+    for (std::size_t s = 0; s < readings.size(); ++s) {
+      Sums& sum = sums_[line_of_[s]];
+      const Reading& one = readings[s];
+      sum.residual += one.residual, sum.residuals += one.residual * one.residual;
+      sum.bright += one.bright;
+      sum.filled += one.filled, sum.filleds += one.filled * one.filled;
+      sum.sites += 1;
+    }
+    for (const Sums& sum : sums_) {
+      light_ += (sum.residual * sum.residual - sum.residuals) / 2;
+      light_pairs_ += sum.bright * (sum.bright - 1) / 2;
+      occupancy_ += (sum.filled * sum.filled - sum.filleds) / 2;
+      pairs_ += sum.sites * (sum.sites - 1) / 2;
+    }
+  }
+  /// In deviations of independent sites, whose variances are given.
+  double light(double variance) const { return light_ / std::sqrt(light_pairs_ + 1) / variance; }
+  double occupancy(double variance) const { return occupancy_ / std::sqrt(pairs_ + 1) / variance; }
+
+ private:
+  struct Sums {
+    double residual = 0, residuals = 0, bright = 0, filled = 0, filleds = 0, sites = 0;
+  };
+  const std::vector<std::size_t>& line_of_;
+  std::vector<Sums> sums_;
+  double light_ = 0, light_pairs_ = 0, occupancy_ = 0, pairs_ = 0;
+};
+
 class SiteBrightness : public Family {
  public:
   explicit SiteBrightness(const Layout& layout) : layout_(layout) {
@@ -25,6 +69,8 @@ class SiteBrightness : public Family {
       x_.push_back(x_max > x_min ? 2 * (site.x_px - x_min) / (x_max - x_min) - 1 : 0);
       y_.push_back(y_max > y_min ? 2 * (site.y_px - y_min) / (y_max - y_min) - 1 : 0);
       at[{site.grid_column, site.grid_row}] = s;
+      row_.push_back(static_cast<std::size_t>(std::max(0, site.grid_row)));
+      column_.push_back(static_cast<std::size_t>(std::max(0, site.grid_column)));
     }
     const auto pairs = [&](int dx, int dy, std::vector<std::pair<std::size_t, std::size_t>>& to) {
       for (std::size_t s = 0; s < layout.sites.size(); ++s)
@@ -202,11 +248,8 @@ class SiteBrightness : public Family {
     double exchange = 0, exchange_far = 0, occupancy_near = 0, occupancy_far = 0, row_product = 0,
            row_pairs = 0;
     double spill = 0, spill_pairs = 0;
-    // Whether a site is bright, empty or between is a coin toss: factors of 0 and 1 instead of branches.
-    struct Reading {
-      double now = 0, bright = 0, residual = 0, empty = 0, above_empty = 0, middle = 0, filled = 0;
-    };
     std::vector<Reading> readings(sites);
+    SameLine rows(row_), columns(column_);
     for (const std::size_t n : chosen) {
       for (std::size_t s = 0; s < sites; ++s) {
         const double b = record.bright(n, s);
@@ -238,11 +281,17 @@ class SiteBrightness : public Family {
         spill_pairs += a.bright * b.empty + b.bright * a.empty;
       }
       for (const auto& pair : far_) each(pair, far_product, far_pairs, exchange_far, occupancy_far);
+      rows.add(readings);
+      columns.add(readings);
     }
     sheet.kind({"site_correlation", "site", "occupied sites"});
     sheet.put("pairs.near", ok(near_product / (near_pairs + 1) / noise));
     sheet.put("pairs.far", ok(far_product / (far_pairs + 1) / noise));
     sheet.put("pairs.along_rows", ok(row_product / (row_pairs + 1) / noise));
+    sheet.put("pairs.light_rows", ok(rows.light(noise)));
+    sheet.put("pairs.light_columns", ok(columns.light(noise)));
+    sheet.put("pairs.occupancy_rows", ok(rows.occupancy(p * (1 - p) + 1e-3)));
+    sheet.put("pairs.occupancy_columns", ok(columns.occupancy(p * (1 - p) + 1e-3)));
     sheet.kind({"neighbour_exchange", "site", "all sites"});
     const double ratio =
         far_.empty() ? 0 : static_cast<double>(near_.size()) / static_cast<double>(far_.size());
@@ -286,7 +335,8 @@ class SiteBrightness : public Family {
 
  private:
   const Layout& layout_;
-  std::vector<double> x_, y_;  // from -1 to 1 over the array
+  std::vector<double> x_, y_;              // from -1 to 1 over the array
+  std::vector<std::size_t> row_, column_;  // of the grid
   std::vector<std::pair<std::size_t, std::size_t>> near_, far_;
   std::size_t along_rows_ = 0;
 };

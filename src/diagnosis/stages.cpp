@@ -57,6 +57,11 @@ bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen:
     const std::string_view last = std::string_view(one.name).substr(one.name.rfind('.') + 1);
     return last == "gradient_x" || last == "gradient_y" || last == "left_right" || last == "top_bottom";
   };
+  // What ends at columns or rows is no slope, though it may tilt one.
+  const auto lines = [](const StatisticDeclaration& one) {
+    return !one.darks &&
+           (one.name.find(".columns") != std::string::npos || one.name.find(".rows") != std::string::npos);
+  };
   const auto noise = [&](const StatisticDeclaration& one) {
     return slope(one) && one.name.find(".temporal_maps.") != std::string::npos;
   };
@@ -66,7 +71,7 @@ bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen:
   return largest(battery, z, [&](const auto& one) { return one.darks && noise(one); }) < quiet &&
          largest(battery, z, mean) > seen &&
          largest(battery, z, [&](const auto& one) { return !one.darks && noise(one); }) >
-             std::max(clear, 0.4 * z.cwiseAbs().maxCoeff());
+             std::max({clear, 0.4 * z.cwiseAbs().maxCoeff(), largest(battery, z, lines)});
 }
 
 }  // namespace

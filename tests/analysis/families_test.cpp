@@ -423,6 +423,21 @@ std::vector<Case> cases() {
                          for (double& c : counts) c = c > 200 ? 200 + (c - 200) * (1 - (c - 200) / 1500) : c;
                        }},
                   {"light.image_noise.occupied.core"}});
+  list.push_back({"rows of sites fail",
+                  true,
+                  false,
+                  in_brightness([](std::size_t n, std::vector<double>& b) {
+                    for (std::size_t s = 0; s < b.size(); ++s)
+                      if (noise_of(n * 5 + s / 5) > 1.4) b[s] = 0;
+                  }),
+                  {"light.sites.pairs.occupancy_rows"}});
+  list.push_back({"beams along columns flicker",
+                  true,
+                  false,
+                  in_brightness([](std::size_t n, std::vector<double>& b) {
+                    for (std::size_t s = 0; s < b.size(); ++s) b[s] *= 1 + 0.1 * noise_of(n * 5 + s % 5);
+                  }),
+                  {"light.sites.pairs.light_columns"}});
   return list;
 }
 

@@ -31,16 +31,19 @@ TEST(Stages, NoiseThatSlopesWithTheMeanInLightOnlyIsTheLights) {
       {"light.temporal_maps.gradient_y", "variance_map", "space", "whole frame", false},
       {"light.temporal_maps.noisiest", "variance_map", "space", "whole frame", false},
       {"light.static_charge.gradient_y", "mean_map", "space", "whole frame", false},
-      {"dark.temporal_maps.gradient_y", "variance_map", "space", "whole frame", true}};
-  const auto stage = [&](double noise, double noisiest, double mean, double darks) {
-    Eigen::VectorXd z(4);
-    z << noise, noisiest, mean, darks;
+      {"dark.temporal_maps.gradient_y", "variance_map", "space", "whole frame", true},
+      {"light.temporal_maps.columns", "variance_map", "space", "columns", false}};
+  const auto stage = [&](double noise, double noisiest, double mean, double darks, double columns = 0) {
+    Eigen::VectorXd z(5);
+    z << noise, noisiest, mean, darks, columns;
     return stage_of_differences(slopes, z, {});
   };
   EXPECT_EQ(stage(50, 70, 10, 1), "optics");
   EXPECT_EQ(stage(50, 70, 10, 6), "sensor");
   EXPECT_EQ(stage(50, 70, 4, 1), "sensor");
   EXPECT_EQ(stage(20, 70, 10, 1), "sensor");
+  EXPECT_EQ(stage(50, 70, 10, 1, 20), "optics");
+  EXPECT_EQ(stage(50, 70, 10, 1, 60), "sensor");  // some columns that are dead
 }
 
 TEST(Stages, AnEffectSpeaksForItsStageAsFarAsItExplains) {

@@ -70,7 +70,16 @@ AtomFit fit_atoms(const std::vector<float>& brightness, const BrightnessNoise& n
       const Pearson law(
           p(empty) + by.shift_e + electrons, variance,
           (third0 * by.variance_factor + noise.third_per_e * electrons) / std::pow(variance, 1.5));
-      for (Eigen::Index n = 0; n < bins; ++n) density(n, part) = law(middle(n)) * width(n);
+      if (law.steep()) {
+        double before = law.below(edges.front());
+        for (Eigen::Index n = 0; n < bins; ++n) {
+          const double upto = law.below(ends(n));
+          density(n, part) = upto - before;
+          before = upto;
+        }
+      } else {
+        for (Eigen::Index n = 0; n < bins; ++n) density(n, part) = law(middle(n)) * width(n);
+      }
     };
     for (Eigen::Index c = 0; c < classes; ++c) {
       const Surroundings& by = noise.surroundings[static_cast<std::size_t>(c)];
@@ -141,7 +150,14 @@ AtomFit fit_atoms(const std::vector<float>& brightness, const BrightnessNoise& n
     out.information += total * by.transpose() * relative;
     return out;
   };
-  const MaximumLikelihood found = maximise(from, evaluate, 1e-3, 80);
+  MaximumLikelihood found = maximise(from, evaluate, 1e-3, 80);
+  if (!like) {
+    // A skewed law ends where its mean and width say: from too narrow an empty peak there may be no way to
+    // the values beyond that end.
+    from(empty_noise) = 0.3;
+    if (MaximumLikelihood wider = maximise(from, evaluate, 1e-3, 80); wider.minus_log < found.minus_log)
+      found = std::move(wider);
+  }
   AtomFit fit;
   fit.converged = found.converged;
   fit.noise = noise;

@@ -3,10 +3,11 @@
 
 #include <cmath>
 #include <numbers>
+#include <unsupported/Eigen/SpecialFunctions>
 
 namespace atomcam {
 
-/// Density with given mean, variance and skewness >= 0: Pearson III, or normal.
+/// With given mean, variance and skewness >= 0: Pearson III, or normal.
 class Pearson {
  public:
   Pearson(double mean, double variance, double skewness)
@@ -16,6 +17,8 @@ class Pearson {
       constant_ = 0.5 * std::log(shape_) + (shape_ - 1) * std::log(shape_) - shape_ - std::lgamma(shape_);
     }
   }
+
+  /// Density.
   double operator()(double x) const {
     const double z = (x - mean_) / deviation_;
     if (z < -12 || z > 100) return 0;
@@ -24,6 +27,15 @@ class Pearson {
     const double excess = z / std::sqrt(shape_);
     if (excess <= -1) return 0;
     return std::exp(constant_ + (shape_ - 1) * std::log1p(excess) - shape_ * excess) / deviation_;
+  }
+
+  /// Whether the density rises so steeply at its lower end that a bin must be integrated over.
+  bool steep() const { return skewness_ > 0.5; }
+
+  /// Probability of less than x, of a skew law.
+  double below(double x) const {
+    const double y = shape_ + std::sqrt(shape_) * (x - mean_) / deviation_;
+    return y > 0 ? Eigen::numext::igamma(shape_, y) : 0;
   }
 
  private:

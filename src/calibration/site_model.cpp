@@ -27,8 +27,7 @@ ExpectedCounts expected_counts(const CountLaw& law) {
   ExpectedCounts expected;
   expected.first = static_cast<int>(std::floor(law.bias_counts - below));
   const auto size = static_cast<int>(std::ceil(below + above));
-  constexpr int largest = 1 << 16;
-  const int covered = std::clamp(static_cast<int>(std::bit_ceil(static_cast<unsigned>(size))), 256, largest);
+  const int covered = static_cast<int>(std::bit_ceil(static_cast<unsigned>(std::clamp(size, 256, 1 << 16))));
   const auto probabilities = [&](const CountLaw& of) {
     std::vector<double> list = count_probabilities(of, expected.first, covered);
     list.resize(static_cast<std::size_t>(std::min(size, covered)));

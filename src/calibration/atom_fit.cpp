@@ -17,6 +17,11 @@ double logistic(double x) {
   return 1 / (1 + std::exp(-x));
 }
 
+/// Standard deviation of a site's light as it is expected before the fit.
+double noise_at(double electrons, const BrightnessNoise& noise) {
+  return std::sqrt(noise.empty_variance + noise.variance_per_e * std::max(0.0, electrons));
+}
+
 /// Edges from one light to another, a part of the noise apart, in no fewer than `least` and no more than
 /// `most` steps.
 std::vector<double> cut_by_noise(double from, double to, const BrightnessNoise& noise, double part, int least,
@@ -24,8 +29,7 @@ std::vector<double> cut_by_noise(double from, double to, const BrightnessNoise& 
   std::vector<double> edges = {from};
   while (edges.back() < to) {
     const double at = edges.back();
-    const double sigma = std::sqrt(noise.empty_variance + noise.variance_per_e * std::max(0.0, at));
-    edges.push_back(at + std::clamp(part * sigma, (to - from) / most, (to - from) / least));
+    edges.push_back(at + std::clamp(part * noise_at(at, noise), (to - from) / most, (to - from) / least));
   }
   edges.back() = to;
   return edges;
@@ -36,8 +40,7 @@ std::vector<double> cut_by_noise(double from, double to, const BrightnessNoise& 
 AtomFit fit_atoms(const std::vector<float>& brightness, const BrightnessNoise& noise, double filling,
                   double survival, double atom_e, const AtomFit* like) {
   enum { fill, lost, light, empty, empty_noise, light_noise, parameters };
-  const double sigma0 = std::sqrt(noise.empty_variance);
-  const double sigma1 = std::sqrt(noise.empty_variance + noise.variance_per_e * atom_e);
+  const double sigma0 = noise_at(0, noise), sigma1 = noise_at(atom_e, noise);
   // An empty site's peak may be a hundred times narrower than an occupied one's: bins as fine as the noise
   // there, and lost atoms' lights as near to each other.
   const std::vector<double> edges = cut_by_noise(-6 * sigma0, atom_e + 7 * sigma1, noise, 1.0 / 3, 60, 3000);

@@ -34,6 +34,15 @@ std::vector<float> brightness(std::size_t sites, double kept, double light_e, do
   return values;
 }
 
+/// What such values have by their light: cumulants of an electron's exponential output.
+BrightnessNoise noise_of_register(double empty_variance) {
+  BrightnessNoise noise;
+  noise.empty_variance = empty_variance;
+  noise.variance_per_e = 2;
+  noise.third_per_e = 6;
+  return noise;
+}
+
 /// The paper's law (section "Fitting Parameter Values"): normal peaks, lost atoms an exponential between them
 /// smoothed by one normal law. Bin by bin, normalised.
 struct PaperLaw {
@@ -101,10 +110,7 @@ PaperFit fit_as_the_paper(const std::vector<float>& values) {
 TEST(AtomFit, LostAtomsHaveShotNoiseOfTheirOwn) {
   // As many as the paper's figure is made of: 2,839 images of 306 sites.
   const std::vector<float> values = brightness(2839 * 306, survival, atom_e, empty_sigma);
-  BrightnessNoise noise;
-  noise.empty_variance = empty_sigma * empty_sigma;
-  noise.variance_per_e = 2;
-  noise.third_per_e = 6;
+  const BrightnessNoise noise = noise_of_register(empty_sigma * empty_sigma);
   const AtomFit ours = fit_atoms(values, noise, 0.5, 0.6, 150);
   const PaperFit theirs = fit_as_the_paper(values);
   std::printf("survival 0.4: %.5f +- %.5f; as the paper fits %.5f +- %.5f\n", ours.survival,
@@ -122,10 +128,7 @@ TEST(AtomFit, LostAtomsHaveShotNoiseOfTheirOwn) {
 TEST(AtomFit, EmptySitesMayBeFarQuieter) {
   constexpr double kept = 0.92, light = 220, quiet = 0.4;
   const std::vector<float> values = brightness(300 * 30, kept, light, quiet);
-  BrightnessNoise noise;
-  noise.empty_variance = quiet * quiet;
-  noise.variance_per_e = 2;
-  noise.third_per_e = 6;
+  const BrightnessNoise noise = noise_of_register(quiet * quiet);
   const AtomFit fit = fit_atoms(values, noise, 0.5, 0.95, 225);
   EXPECT_TRUE(fit.converged);
   EXPECT_NEAR(fit.filling, filling, 5 * fit.filling_error);
@@ -150,11 +153,8 @@ TEST(AtomFit, EmptySitesMayBeSkewed) {
     const double seen = static_cast<double>(sample_poisson(random, events));
     value += static_cast<float>(event_e * ((seen > 0 ? sample_gamma(random, seen) : 0) - events));
   }
-  BrightnessNoise noise;
-  noise.empty_variance = 2 * events * event_e * event_e + 0.3 * 0.3;
+  BrightnessNoise noise = noise_of_register(2 * events * event_e * event_e + 0.3 * 0.3);
   noise.empty_skewness = 6 * events * std::pow(event_e, 3) / std::pow(noise.empty_variance, 1.5);
-  noise.variance_per_e = 2;
-  noise.third_per_e = 6;
   for (const double from_survival : {0.6, 0.8, 0.95})
     for (const double from_filling : {0.45, 0.55, 0.7}) {
       const AtomFit fit = fit_atoms(values, noise, from_filling, from_survival, 225);

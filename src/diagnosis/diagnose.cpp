@@ -4,11 +4,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <set>
 
 #include "base/error.hpp"
+#include "diagnosis/contenders.hpp"
 #include "diagnosis/diagnosis.hpp"
-#include "diagnosis/fit.hpp"
 #include "diagnosis/gap_closed.hpp"
 #include "diagnosis/model.hpp"
 #include "diagnosis/scan.hpp"
@@ -19,19 +18,11 @@ namespace {
 
 constexpr double reject_level = 0.005;  // a fitted model below it is not the explanation
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
-constexpr double worthwhile = 0.9;      // of the plain model's distance: farther away is not followed up
-constexpr double like_own = 1.1;        // distance at which a fit is about as near as the model's own stacks
-constexpr double far_away = 1.6;        // nothing at this distance has ever closed two thirds of a gap
 
 constexpr double least_closed = 0.65;  // at best, of the gap on held-out frames, for an effect to be named
 constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
 
 constexpr std::uintmax_t largest_cache = std::uintmax_t{4} << 30;
-
-/// Distance from which on a model is hopelessly behind the nearest.
-double behind(double nearest) {
-  return std::max(1.5, 1.5 * nearest);
-}
 
 /// All counts of a stack.
 std::string digest_of(const FrameSequence& frames) {
@@ -162,90 +153,20 @@ class Diagnoser {
     return model;
   }
 
-  /// A model that may be the explanation, and how promising it looked.
-  struct Contender {
-    std::string name;
-    Model model;
-    double evidence = 0;
-  };
-
-  /// More rounds from where the model is, which stays there if they do not lead nearer.
-  void fit_on(Contender& contender, int rounds, const std::string& step) {
-    Model& model = contender.model;
-    const std::vector<Uncertain> before = model.open;
-    const double reached =
-        fit(model, {&plain_, real_stack()}, rounds, plan_, numbers_of(step + contender.name));
-    if (reached < model.distance)
-      model.distance = reached;
-    else
-      model.open = before;
-  }
-
-  /// A few rounds for all, more for those that come near; the nearest are judged.
-  /// What is not nearer than `alone`, where a simpler model is, is let go after the first rounds.
+  /// Fitted and judged, noted among the hypotheses.
   std::vector<Model> fit_and_judge(std::vector<Contender> contenders, double from, double to,
                                    double alone = 1e300) {
-    constexpr int first_rounds = 3, more_rounds = 8, stacks = 90;
-    const auto at = [&](double part) { return from + part * (to - from); };
-    const auto count = static_cast<double>(contenders.size());
-    for (std::size_t k = 0; k < contenders.size(); ++k) {
-      tell(title(contenders[k].model), at(0.4 * static_cast<double>(k) / count));
-      contenders[k].model.distance = fit(contenders[k].model, {&plain_, real_stack()}, first_rounds, plan_,
-                                         numbers_of("fit 1/" + contenders[k].name));
-    }
-    const auto nearer = [](const Contender& a, const Contender& b) {
-      return a.model.distance < b.model.distance;
+    const auto progress = [&](const std::string& step, double done) {
+      tell(step, from + done * (to - from));
     };
-    std::sort(contenders.begin(), contenders.end(), nearer);
-    std::set<std::vector<std::string>> seen;
-    std::erase_if(contenders, [&](const Contender& one) { return !seen.insert(one.model.effects).second; });
-    std::erase_if(contenders,
-                  [&](const Contender& one) { return !(one.model.distance < worthwhile * alone); });
-    // What is hardly nearer than the plain model explains nothing; the nearest is judged all the same.
-    const double plain = contenders.empty() ? 0
-                                            : plain_distance({&plain_, real_stack()}, plan_,
-                                                             contenders.front().model.explains);
-    while (contenders.size() > 1 &&
-           (contenders.size() > 3 || contenders.back().model.distance > worthwhile * plain))
-      contenders.pop_back();
-    for (std::size_t k = 0; k < contenders.size(); ++k) {
-      if (contenders[k].model.distance > worthwhile * plain) break;
-      // What is hopelessly behind is let go as soon as one of them has come near.
-      if (k > 0 && contenders[k].model.distance > behind(contenders.front().model.distance)) {
-        contenders.resize(k);
-        break;
-      }
-      tell(title(contenders[k].model), at(0.4 + 0.1 * static_cast<double>(k)));
-      fit_on(contenders[k], more_rounds, "fit 2/");
-    }
-    std::sort(contenders.begin(), contenders.end(), nearer);
-    if (!contenders.empty() && contenders.front().model.distance > like_own &&
-        contenders.front().model.distance < 3)
-      fit_on(contenders.front(), more_rounds, "fit 3/");
-    // Where even the nearest is far away, it is judged to say by how much.
-    while (contenders.size() > 1 &&
-           (contenders.front().model.distance > far_away ||
-            contenders.back().model.distance > behind(contenders.front().model.distance)))
-      contenders.pop_back();
     std::vector<Model> judged;
-    for (std::size_t k = 0; k < contenders.size(); ++k) {
-      Model& model = contenders[k].model;
-      recalibrate(model, real_stack(), plan_, numbers_of("calibration/" + contenders[k].name));
-      // A point-spread function per site leaves no time for many optical systems.
-      if (std::find(model.effects.begin(), model.effects.end(), "field_tilt_defocus") != model.effects.end())
-        for (Uncertain& one : model.open)
-          if (one.shared) one.width = 0;
-      atomcam::judge(model, real_, stacks, plan_, numbers_of("judge/" + contenders[k].name), &plain_,
-                     part(title(model), at(0.7 + 0.1 * static_cast<double>(k)),
-                          at(0.8 + 0.1 * static_cast<double>(k)), stacks));
-      widen(model, real_, stacks, plan_, numbers_of("widen/" + contenders[k].name));
-      note(model, contenders[k].evidence);
-      judged.push_back(std::move(model));
+    for (Contender& one : fitted_and_judged(std::move(contenders), {&plain_, real_stack()}, declarations_,
+                                            alone, plan_, progress)) {
+      note(one.model, one.evidence);
+      judged.push_back(std::move(one.model));
     }
     return judged;
   }
-  static std::string title(const Model& model) { return fmt::format("{}", fmt::join(model.effects, " + ")); }
-
   RealStack real_stack() const {
     RealStack real{&real_, &result_.calibration, &notes_};
     if (options_.beside.background) {
@@ -473,7 +394,7 @@ class Diagnoser {
   bool passes(const Model& model) const {
     const double closed = closed_by(model);
     // Stacks that scatter widely are never odd: an explanation also has to take the gap away.
-    if (model.p_value >= reject_level) return closed > 0.6;
+    if (model.p_value >= reject_level) return closed > least_to_pass;
     if (model.distance >= like_own) return false;
     return closed > 0.95 || (closed > 0.8 && model.p_value > 1e-7);
   }

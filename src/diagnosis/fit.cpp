@@ -28,11 +28,11 @@ constexpr double plateau_gain = 0.03;
 // But a parameter that goes on the same way, by this part of its range in each of two rounds, is on its way.
 constexpr double stride = 0.02;
 
-/// Where a fit stands.
-struct Place {
-  std::vector<Uncertain> open;
-  double distance = 1e300;
-};
+/// Stacks of a round, for so many parameters. Far away a rough direction does: the next round has another.
+int stacks_of_round(int parameters, double distance) {
+  constexpr double far = 2;
+  return distance > far ? 6 + 2 * parameters : 8 + 4 * parameters;
+}
 
 /// How the statistics follow the effects' parameters about the centre, from a few stacks: straight lines.
 struct Local {
@@ -178,13 +178,11 @@ double plain_distance(const FitGround& ground, const StackPlan& plan,
   return compressed(z).squaredNorm() / static_cast<double>(z.size());
 }
 
-double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& plan, std::uint64_t first) {
+void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& plan, std::uint64_t first) {
   const Fitter fitter(model, ground, plan);
   const Eigen::Index from = model.first_effect_parameter;
   const auto effects = static_cast<int>(model.open.size()) - static_cast<int>(from);
-  const int stacks = 8 + 4 * effects;
-  Place best;
-  double last = 1e300;
+  double last = model.distance;
   int uphill = 0, on_plateau = 0;
   double plateau = model.distance;
   std::vector<double> ways(model.open.size());  // of the last round, in parts of the ranges
@@ -195,7 +193,8 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
     // Calibration's parameters stand still: what they do is known from the plain model.
     std::vector<Uncertain> drawn = model.open;
     for (Eigen::Index k = 0; k < from; ++k) drawn[static_cast<std::size_t>(k)].width = 0;
-    const Population population = simulate_population(model.lab, drawn, stacks, plan, number);
+    const Population population =
+        simulate_population(model.lab, drawn, stacks_of_round(effects, model.distance), plan, number);
     const Local local = straight_lines(population, drawn, from, fitter.unit());
     const Fitter::Step step = fitter.step(local, model.open, from);
     ++on_plateau;
@@ -203,20 +202,22 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
       plateau = step.distance;
       on_plateau = 0;
     }
-    if (step.distance > 1.3 * best.distance) ++uphill;
-    const int patience = best.distance > near ? uphill_rounds : 0;
-    if (uphill > patience || step.distance > lost * best.distance) {
+    last = step.distance;
+    if (step.distance > 1.3 * model.distance) ++uphill;
+    const int patience = model.distance > near ? uphill_rounds : 0;
+    if (uphill > patience || step.distance > lost * model.distance) {
       // Back: part of the way only, and a closer look.
       uphill = 0;
       for (std::size_t k = 0; k < model.open.size(); ++k) {
         Uncertain& one = model.open[k];
-        one.centre = best.open[k].centre + 0.4 * (one.centre - best.open[k].centre);
+        one.centre = model.nearest[k].centre + 0.4 * (one.centre - model.nearest[k].centre);
         if (static_cast<Eigen::Index>(k) >= from) one.width *= 0.6;
       }
       continue;
     }
-    if (step.distance < best.distance) {
-      best = {model.open, step.distance};
+    if (step.distance < model.distance) {
+      model.nearest = model.open;
+      model.distance = step.distance;
       uphill = 0;
     }
     bool settled = true, on_its_way = false;
@@ -252,11 +253,9 @@ double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& p
         one.width = std::clamp(std::max(1.5 * step.error(at), 0.01 * range), 0.5 * one.width, one.width);
     }
     if (on_its_way) on_plateau = std::max(0, on_plateau - 1);
-    last = step.distance;
     if (settled && round >= 1 && step.distance < near) break;
   }
-  if (last > 1.2 * best.distance) model.open = best.open;
-  return best.distance;
+  if (last > 1.2 * model.distance) model.open = model.nearest;
 }
 
 }  // namespace atomcam

@@ -19,8 +19,8 @@ double plain_distance(const FitGround& ground, const StackPlan& plan,
 
 /// Moves the model's centres, and the widths of its effects' parameters to about their errors. Every round
 /// simulates some stacks about the centre; calibration follows the effects (recalibrate). At most `rounds`,
-/// fewer where it leads no nearer than model.distance, which fits before this one have reached.
-/// Returns how far the real stack is from the best place found (mean square of compressed deviations).
-double fit(Model& model, const FitGround& ground, int rounds, const StackPlan& plan, std::uint64_t first);
+/// fewer where it leads no nearer than model.distance. A fit before this one is gone on with: model.distance
+/// and model.nearest are its best place, to which a step that led astray returns.
+void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& plan, std::uint64_t first);
 
 }  // namespace atomcam

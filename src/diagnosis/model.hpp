@@ -29,7 +29,8 @@ struct Model {
   double p_value = 1;               // of the real stack, the model's discrepancy granted
   double gap = 0;                   // of the real stack
   double floor = 1;                 // median gap of its own stacks
-  double distance = 1e300;          // of the real stack from the best place that a fit found
+  double distance = 1e300;          // of the real stack from the best place that fits found
+  std::vector<Uncertain> nearest;   // the open parameters there
   double log_likelihood = 0;        // of the real stack's battery
 
   /// The lab at the fitted values.

@@ -1,0 +1,120 @@
+#include "diagnosis/contenders.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <set>
+
+#include "diagnosis/gap_closed.hpp"
+
+namespace atomcam {
+namespace {
+
+constexpr int first_rounds = 3, more_rounds = 8, most_followed = 3, judged_stacks = 90;
+
+constexpr double worthwhile = 0.9;  // of the plain model's distance: farther away is not followed up
+constexpr double far_away = 1.4;    // nothing at this distance has ever closed two thirds of a gap
+constexpr double reachable = 3;     // nothing farther away has come near in still more rounds
+
+/// Distance from which on a model is hopelessly behind the nearest.
+double behind(double nearest) {
+  return std::max(1.2, 1.4 * nearest);
+}
+
+class Race {
+ public:
+  Race(std::vector<Contender>& contenders, const FitGround& ground, const StackPlan& plan,
+       const StepProgress& progress)
+      : contenders_(contenders), ground_(ground), plan_(plan), progress_(progress) {}
+
+  void first(double alone) {
+    const auto count = static_cast<double>(contenders_.size());
+    for (std::size_t k = 0; k < contenders_.size(); ++k) {
+      progress_(title(contenders_[k].model), 0.4 * static_cast<double>(k) / count);
+      go_on(contenders_[k], first_rounds, "fit 1/");
+    }
+    sort();
+    std::set<std::vector<std::string>> seen;
+    std::erase_if(contenders_, [&](const Contender& one) { return !seen.insert(one.model.effects).second; });
+    std::erase_if(contenders_,
+                  [&](const Contender& one) { return !(one.model.distance < worthwhile * alone); });
+    if (contenders_.size() > most_followed) contenders_.resize(most_followed);
+  }
+
+  void follow_up() {
+    if (contenders_.empty()) return;
+    // What is hardly nearer than the plain model explains nothing; the nearest is judged all the same.
+    const double limit = worthwhile * plain_distance(ground_, plan_, contenders_.front().model.explains);
+    let_go([&](const Model& model) { return model.distance > limit; });
+    for (std::size_t k = 0; k < contenders_.size(); ++k) {
+      const double distance = contenders_[k].model.distance;
+      if (distance > limit) break;
+      // What is hopelessly behind is let go as soon as one of them has come near.
+      if (k > 0 && distance > behind(contenders_.front().model.distance)) {
+        contenders_.resize(k);
+        break;
+      }
+      progress_(title(contenders_[k].model), 0.4 + 0.1 * static_cast<double>(k));
+      go_on(contenders_[k], more_rounds, "fit 2/");
+    }
+    sort();
+    const double& nearest = contenders_.front().model.distance;
+    if (nearest > like_own && nearest < reachable) go_on(contenders_.front(), more_rounds, "fit 3/");
+    // Where even the nearest is far away, it is judged to say by how much.
+    let_go([&](const Model& model) { return nearest > far_away || model.distance > behind(nearest); });
+  }
+
+ private:
+  void go_on(Contender& contender, int rounds, const std::string& step) {
+    fit(contender.model, ground_, rounds, plan_, numbers_of(step + contender.name));
+  }
+  void sort() {
+    std::sort(contenders_.begin(), contenders_.end(),
+              [](const Contender& a, const Contender& b) { return a.model.distance < b.model.distance; });
+  }
+  /// From the farthest on, but never the nearest.
+  template <class Far>
+  void let_go(const Far& far) {
+    while (contenders_.size() > 1 && far(contenders_.back().model)) contenders_.pop_back();
+  }
+
+  std::vector<Contender>& contenders_;
+  const FitGround& ground_;
+  const StackPlan& plan_;
+  const StepProgress& progress_;
+};
+
+}  // namespace
+
+std::string title(const Model& model) {
+  return fmt::format("{}", fmt::join(model.effects, " + "));
+}
+
+std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, const FitGround& ground,
+                                         const std::vector<StatisticDeclaration>& battery, double alone,
+                                         const StackPlan& plan, const StepProgress& progress) {
+  Race race(contenders, ground, plan, progress);
+  race.first(alone);
+  race.follow_up();
+  for (std::size_t k = 0; k < contenders.size(); ++k) {
+    auto& [name, model, evidence] = contenders[k];
+    recalibrate(model, ground.real, plan, numbers_of("calibration/" + name));
+    // A point-spread function per site leaves no time for many optical systems.
+    if (std::find(model.effects.begin(), model.effects.end(), "field_tilt_defocus") != model.effects.end())
+      for (Uncertain& one : model.open)
+        if (one.shared) one.width = 0;
+    const std::string step = title(model);
+    const double from = 0.7 + 0.1 * static_cast<double>(k);
+    judge(model, *ground.real.values, judged_stacks, plan, numbers_of("judge/" + name), ground.plain,
+          [&](int done) {
+            progress(step, from + 0.1 * std::min(1.0, static_cast<double>(done) / judged_stacks));
+          });
+    // What closes too little to be named needs no errors.
+    if (closed_by(model, *ground.plain, battery) > least_to_pass)
+      widen(model, *ground.real.values, judged_stacks, plan, numbers_of("widen/" + name));
+  }
+  return contenders;
+}
+
+}  // namespace atomcam

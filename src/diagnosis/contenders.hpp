@@ -1,0 +1,36 @@
+#pragma once
+// Models that may be the explanation, fitted side by side: some rounds for all of them, more for those that
+// come near, and the nearest are judged.
+
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "diagnosis/fit.hpp"
+#include "diagnosis/model.hpp"
+
+namespace atomcam {
+
+inline constexpr double like_own = 1.1;       // distance of a fit about as near as the model's own stacks
+inline constexpr double least_to_pass = 0.6;  // of the gap, for a model that the frames are not odd under
+
+/// A model that may be the explanation, from one start.
+struct Contender {
+  std::string name;  // of the model and the start: seeds
+  Model model;
+  double evidence = 0;  // how promising it looked, logarithm
+};
+
+using StepProgress = std::function<void(const std::string& step, double done)>;  // 0 to 1
+
+/// The effects of a model, as people read them.
+std::string title(const Model& model);
+
+/// The nearest of the contenders, judged; of each combination of effects the best start. What is not nearer
+/// than `alone`, where a simpler model is, is let go after the first rounds.
+std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, const FitGround& ground,
+                                         const std::vector<StatisticDeclaration>& battery, double alone,
+                                         const StackPlan& plan, const StepProgress& progress);
+
+}  // namespace atomcam

@@ -13,13 +13,14 @@ namespace {
 
 constexpr int first_rounds = 3, more_rounds = 8, most_followed = 3, judged_stacks = 90;
 
-constexpr double worthwhile = 0.9;  // of the plain model's distance: farther away is not followed up
-constexpr double far_away = 1.4;    // nothing at this distance has ever closed two thirds of a gap
-constexpr double reachable = 3;     // nothing farther away has come near in still more rounds
+constexpr double worthwhile = 0.9;   // of the plain model's distance: farther away is not followed up
+constexpr double far_away = 1.4;     // nothing at this distance has ever closed two thirds of a gap
+constexpr double beyond_doubt = 30;  // of the logarithmic likelihood, behind the likeliest
+constexpr double reachable = 3;      // nothing farther away has come near in still more rounds
 
 /// Distance from which on a model is hopelessly behind the nearest.
 double behind(double nearest) {
-  return std::max(1.2, 1.4 * nearest);
+  return std::max(1.0, 1.4 * nearest);
 }
 
 class Race {
@@ -97,6 +98,8 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
   Race race(contenders, ground, plan, progress);
   race.first(alone);
   race.follow_up();
+  std::vector<double> closed;
+  double likeliest = -1e300;
   for (std::size_t k = 0; k < contenders.size(); ++k) {
     auto& [name, model, evidence] = contenders[k];
     recalibrate(model, ground.real, plan, numbers_of("calibration/" + name));
@@ -110,10 +113,14 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
           [&](int done) {
             progress(step, from + 0.1 * std::min(1.0, static_cast<double>(done) / judged_stacks));
           });
-    // What closes too little to be named needs no errors.
-    if (closed_by(model, *ground.plain, battery) > least_to_pass)
-      widen(model, *ground.real.values, judged_stacks, plan, numbers_of("widen/" + name));
+    closed.push_back(closed_by(model, *ground.plain, battery));
+    if (closed.back() > least_to_pass) likeliest = std::max(likeliest, model.log_likelihood);
   }
+  // What will not be named needs no errors.
+  for (std::size_t k = 0; k < contenders.size(); ++k)
+    if (Model& model = contenders[k].model;
+        closed[k] > least_to_pass && model.log_likelihood > likeliest - beyond_doubt)
+      widen(model, *ground.real.values, judged_stacks, plan, numbers_of("widen/" + contenders[k].name));
   return contenders;
 }
 

@@ -4,17 +4,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <numeric>
 #include <optional>
 
 #include "base/error.hpp"
-#include "base/quantile.hpp"
+#include "calibration/count_start.hpp"
 #include "calibration/parameter_table.hpp"
 #include "calibration/site_model.hpp"
+#include "calibration/site_transfer.hpp"
 #include "calibration/stack_check.hpp"
 #include "effects/effect.hpp"
-#include "optics/zernike.hpp"
 
 namespace atomcam {
 namespace {
@@ -39,54 +38,6 @@ class Selected : public FrameSequence {
   const std::function<bool(std::size_t)>& use_;
   std::size_t count_ = 0;
 };
-
-CountHistogram histogram_of(const std::vector<std::uint64_t>& occurrences, double bias, double noise,
-                            double counts_per_electron) {
-  CountHistogram histogram;
-  const double reach = std::max(12.0, 14 * counts_per_electron);
-  const int last_seen = [&] {
-    int last = 0;
-    for (int c = 0; c < 65536; ++c)
-      if (occurrences[static_cast<std::size_t>(c)]) last = c;
-    return last;
-  }();
-  histogram.first = std::max(0, static_cast<int>(bias - 9 * noise));
-  const int last = std::min(std::max(static_cast<int>(bias + 9 * noise), last_seen),
-                            static_cast<int>(bias + 9 * noise + reach));
-  for (int c = histogram.first; c <= std::min(last, 65535); ++c)
-    histogram.occurrences.push_back(occurrences[static_cast<std::size_t>(c)]);
-  return histogram;
-}
-
-/// Mode and left-hand width of a histogram: bias and read noise to start from.
-void start_from_histogram(const std::vector<std::uint64_t>& occurrences, double& bias, double& noise) {
-  std::uint64_t total = 0;
-  std::size_t mode = 0;
-  double best = -1;
-  for (std::size_t c = 0; c < occurrences.size(); ++c) {
-    total += occurrences[c];
-    double near = 0;
-    for (std::size_t k = c >= 1 ? c - 1 : 0; k <= std::min<std::size_t>(c + 1, 65535); ++k)
-      near += static_cast<double>(occurrences[k]);
-    if (near > best) best = near, mode = c;
-  }
-  bias = static_cast<double>(mode);
-  // Half of what lies below the mode belongs to the 0.6745 sigma beneath it.
-  double below = 0;
-  for (std::size_t c = 0; c < mode; ++c) below += static_cast<double>(occurrences[c]);
-  below += 0.5 * static_cast<double>(occurrences[mode]);
-  double sum = 0.5 * static_cast<double>(occurrences[mode]);
-  for (std::size_t c = mode; c-- > 0;) {
-    const double next = sum + static_cast<double>(occurrences[c]);
-    if (next >= 0.6827 * below) {
-      const double part = (0.6827 * below - sum) / std::max(1.0, next - sum);
-      noise = std::max(0.4, static_cast<double>(mode - c) - 0.5 + part);
-      return;
-    }
-    sum = next;
-  }
-  noise = std::max(noise, 0.4);
-}
 
 class Calibrator {
  public:
@@ -189,9 +140,9 @@ class Calibrator {
     } else {
       occurrences = darkest_pixels();
     }
-    bias_ = notes_.bias_counts;
-    noise_ = std::max(0.5, notes_.read_noise_counts);
-    start_from_histogram(occurrences, bias_, noise_);
+    const CountStart seen = count_start(occurrences, std::max(0.5, notes_.read_noise_counts));
+    bias_ = seen.bias_counts;
+    noise_ = seen.read_noise_counts;
     if (emccd()) {
       CountLaw start;
       start.bias_counts = bias_;
@@ -203,8 +154,8 @@ class Calibrator {
       CountFitOptions options;
       options.gain = multiplied();
       options.serial = input_.full && multiplied();
-      dark_histogram_ = histogram_of(occurrences, bias_, noise_, counts_per_electron());
-      result_.counts = fit_counts({dark_histogram_}, true, start, options);
+      result_.counts =
+          fit_counts({histogram_about(occurrences, seen, counts_per_electron())}, true, start, options);
       bias_ = result_.counts.law.bias_counts;
       noise_ = result_.counts.law.read_noise_counts;
       em_gain_ = result_.counts.law.em_gain;
@@ -320,44 +271,8 @@ class Calibrator {
     const double total =
         std::max(0.0, std::accumulate(result_.optics.site_e.begin(), result_.optics.site_e.end(), 0.0));
     mean_site_e_ = total / std::max<std::size_t>(1, result_.optics.site_e.size());
-    // A lattice that looks for light in noise finds some: eight errors of the mean over the sites, each of
-    // which spreads over some twenty pixels.
-    const double pixel_variance =
-        mean.dark_variance.pixels()[0] + mean.variance_per_e * std::max(0.0, result_.optics.background_e);
-    const double noise =
-        std::sqrt(pixel_variance) *
-        std::max(4.0, 8 * std::sqrt(20 / static_cast<double>(notes_.grid->rows * notes_.grid->columns)));
-    if (!(mean_site_e_ > noise))
-      throw Error("frames",
-                  fmt::format("no light where the notes list {} sites: {:.3f} e- a site and frame on "
-                              "average, {:.3f} is the noise",
-                              notes_.grid->rows * notes_.grid->columns, mean_site_e_, noise));
-    // An even image must be much worse than one with sites, whose many parameters also fit noise.
-    double weights = 0, first = 0, second = 0;
-    for (std::size_t i = 0; i < mean.electrons.pixels().size(); ++i) {
-      if (mean.variance.pixels()[i] > 1e6) continue;
-      const double weight = 1 / (mean.dark_variance.pixels()[i] +
-                                 mean.variance_per_e * std::max(0.0, result_.optics.background_e));
-      const double value = mean.electrons.pixels()[i];
-      weights += weight, first += weight * value, second += weight * value * value;
-    }
-    // In units of the errors that the image has: without darks, they come out too small.
-    const double wide =
-        std::max(1.0, result_.optics.chi_square / std::max(1, result_.optics.degrees_of_freedom));
-    const double gained = (second - first * first / weights - result_.optics.chi_square) / wide;
-    const double by_noise = static_cast<double>(result_.optics.site_e.size() + 18) * 4 + 100;
-    if (!input_.like && !(gained > by_noise))
-      throw Error("frames",
-                  fmt::format("no light where the notes list {} sites: with them chi square falls by "
-                              "{:.0f}, {:.0f} may be noise",
-                              notes_.grid->rows * notes_.grid->columns, gained, by_noise));
-    constexpr double least_px = 0.3;
-    if (!input_.like && !(result_.optics.position_error_px < least_px))
-      throw Error(
-          "frames",
-          fmt::format("the notes list {} sites, but the light there does not have the shape of sites: their "
-                      "positions come out with an error of {:.2g} pixels, {} is allowed",
-                      notes_.grid->rows * notes_.grid->columns, result_.optics.position_error_px, least_px));
+    check_site_light(mean, result_.optics);
+    if (!input_.like) check_site_images(mean, result_.optics);
     for (const double e : result_.optics.site_e) result_.site_brightness.push_back(e / mean_site_e_);
     place_lattice();
   }
@@ -393,141 +308,15 @@ class Calibrator {
     background_e_ = std::max(0.0, result_.optics.background_e);
     atom_e_ = mean_site_e_ / std::max(0.05, notes_.filling);
     const StackModel model = current_model();
-    const std::size_t pixels = light_.sum.pixels().size(), sites = model.sites.size();
-    std::vector<double> residual_sum(pixels, 0), light(pixels, 0);
-    const double k = counts_per_electron();
-    std::vector<double> level(pixels);
-    // Light beyond the stamps comes from many sites: its mean is as good as itself.
-    std::vector<double> near(pixels, 0);
-    for (const SiteImage& site : model.sites)
-      for (int r = 0; r < site.share.rows(); ++r)
-        for (int c = 0; c < site.share.columns(); ++c)
-          near[static_cast<std::size_t>(site.top + r) * model.shape.columns + site.left + c] +=
-              site.share(r, c);
-    std::vector<double> far(pixels);
-    for (std::size_t i = 0; i < pixels; ++i) {
-      far[i] = std::max(0.0, static_cast<double>(model.site_light.pixels()[i]) - near[i]);
-      level[i] = dark_level(i) + (background_e_ + mean_site_e_ * far[i]) * k;
-    }
-    brightness_.reserve(frames_.frames() * sites);
-    std::vector<double> rest(pixels);
-    // The half of the pixels with less of the sites' light, where motion and brightness noise of the atoms
-    // count least.
-    const auto site_light = model.site_light.pixels();
-    const double middle = median({site_light.begin(), site_light.end()});
-    std::vector<std::uint8_t> used = odd_pixels();
-    for (std::size_t i = 0; i < pixels; ++i)
-      used[i] = !used[i] && static_cast<double>(site_light[i]) <= middle;
-    constexpr int blocks = 8;  // of frames, for the error of the photon transfer
-    std::vector<std::vector<double>> squares(blocks, std::vector<double>(pixels, 0));
-    std::vector<double> block_light(blocks, 0);  // of all sites
-    std::vector<double> block_rest(blocks, 0);   // of the used pixels
-    std::size_t visited = 0;
-    frames_.visit([&](std::size_t, const CountImage& frame) {
-      const auto counts = frame.pixels();
-      for (std::size_t i = 0; i < pixels; ++i) {
-        rest[i] = (counts[i] - level[i]) / k;
-      }
-      const std::size_t first = brightness_.size();
-      for (const SiteImage& site : model.sites) {
-        double sum = 0;
-        for (int r = 0; r < site.weight.rows(); ++r) {
-          const double* row = &rest[static_cast<std::size_t>(site.top + r) * model.shape.columns + site.left];
-          const auto weight = site.weight.row(r);
-          for (int c = 0; c < site.weight.columns(); ++c) sum += static_cast<double>(weight[c]) * row[c];
-        }
-        brightness_.push_back(static_cast<float>(sum));
-      }
-      for (std::size_t s = 0; s < sites; ++s) {
-        const SiteImage& site = model.sites[s];
-        const double e = brightness_[first + s];
-        for (int r = 0; r < site.share.rows(); ++r) {
-          const std::size_t at = static_cast<std::size_t>(site.top + r) * model.shape.columns + site.left;
-          const auto share = site.share.row(r);
-          for (int c = 0; c < site.share.columns(); ++c) {
-            rest[at + c] -= e * static_cast<double>(share[c]);
-            light[at + c] += e * static_cast<double>(share[c]);
-          }
-        }
-      }
-      const int block = static_cast<int>(visited++ % blocks);
-      for (std::size_t s = 0; s < sites; ++s)
-        block_light[static_cast<std::size_t>(block)] += static_cast<double>(brightness_[first + s]);
-      for (std::size_t i = 0; i < pixels; ++i) {
-        residual_sum[i] += rest[i];
-        if (used[i]) block_rest[static_cast<std::size_t>(block)] += rest[i];
-        squares[static_cast<std::size_t>(block)][i] += rest[i] * rest[i];
-      }
-    });
-    const double n = static_cast<double>(light_.frames);
-
-    // Photon transfer: the variance of the rest against the light.
-    std::vector<double> read(pixels), shot(pixels);
-    for (std::size_t i = 0; i < pixels; ++i) {
-      const double here = !emccd() && input_.darks ? dark_.variance(i) : noise_ * noise_ + 1.0 / 12;
-      read[i] = here / (k * k) + (emccd() ? excess() * dark_e_ : 0);
-      shot[i] = std::max(0.0, light[i] / n + background_e_ + mean_site_e_ * far[i]);
-    }
-    read = rest_variance(model, read);
-    shot = rest_variance(model, shot);
-    std::vector<double> by_block;
-    // Atoms that come and go also move the light that the stamps do not hold.
-    std::vector<double> changes(sites, 0.0);
-    for (std::size_t s = 0; s < sites; ++s) {
-      double sum = 0, squares_of = 0;
-      for (std::size_t at = s; at < brightness_.size(); at += sites) {
-        const double e = brightness_[at];
-        sum += e, squares_of += e * e;
-      }
-      changes[s] = std::max(0.0, (squares_of - sum * sum / n) / (n - 1));
-    }
-    leaks_ = leakage(model, *point_spread_, changes);
-    double signal = 0, floor = 0;
-    for (std::size_t i = 0; i < pixels; ++i)
-      if (used[i]) floor += read[i] + leaks_.rest_variance[i], signal += shot[i];
-    // A block with more light has more noise: its variance goes with its own light, or the error comes out
-    // too large.
-    double from_sites = 0, from_all = 0, all_light = 0, all_rest = 0;
-    for (std::size_t i = 0; i < pixels; ++i)
-      if (used[i]) {
-        from_sites += std::max(0.0, light[i] / n) + mean_site_e_ * far[i];
-        from_all += std::max(0.0, light[i] / n) + mean_site_e_ * far[i] + background_e_;
-        all_rest += residual_sum[i] / n;
-      }
-    for (const double value : block_light) all_light += value / n;
-    // What the fit of the sites leaves over is light as well.
-    if (from_all > 0) signal *= 1 + all_rest / from_all;
-    double mean = 0, spread = 0;
-    for (int block = 0; block < blocks; ++block) {
-      double variance = 0, frames = std::floor((n - block - 1) / blocks) + 1;
-      for (std::size_t i = 0; i < pixels; ++i) {
-        const double m = residual_sum[i] / n;
-        if (used[i]) variance += (squares[static_cast<std::size_t>(block)][i] / frames - m * m) * n / (n - 1);
-      }
-      const auto b = static_cast<std::size_t>(block);
-      const double sites_more = all_light > 0 ? from_sites * (block_light[b] / frames / all_light - 1) : 0;
-      const double more =
-          from_all > 0 ? (sites_more + block_rest[b] / frames - all_rest) / (from_all + all_rest) : 0;
-      by_block.push_back((variance - floor) / (signal * (1 + more)));
-      mean += by_block.back() / blocks;
-    }
-    for (const double value : by_block) spread += (value - mean) * (value - mean) / (blocks - 1);
-    // All blocks share the dark frames: their noise in the variance and in the light that are taken off.
-    double dark_error = 0;
-    if (!emccd() && input_.darks && signal > 0) {
-      const double darks = std::max(2.0, static_cast<double>(dark_.frames));
-      for (std::size_t i = 0; i < pixels; ++i) {
-        if (!used[i]) continue;
-        const double variance = dark_.variance(i) / (k * k);
-        dark_error += variance * variance * 2 / (darks - 1) / (signal * signal) +
-                      variance / darks * mean * mean / (from_all * from_all);
-      }
-    }
+    SiteTransfer transfer = site_transfer(frames_, model, *point_spread_, transfer_ground());
+    brightness_ = std::move(transfer.brightness_e);
+    leaks_ = std::move(transfer.leaks);
     // In units of the gain so far: 1 if it was right.
-    const double ratio = mean / excess(), ratio_error = std::sqrt(spread / blocks + dark_error) / excess();
+    const double ratio = transfer.variance_per_e / excess(), ratio_error = transfer.error / excess();
     if (!(ratio > 0.3 && ratio < 3)) {
       const std::string what =
-          fmt::format("light varies {:.3g} times as much as {:.3g} counts per electron say", ratio, k);
+          fmt::format("light varies {:.3g} times as much as {:.3g} counts per electron say", ratio,
+                      counts_per_electron());
       if (!input_.like && (ratio > 10 || ratio < 0.1))
         throw Error(notes_.place + ": settings",
                     what + ": notes of another camera or other settings?" +
@@ -552,6 +341,25 @@ class Calibrator {
     for (float& e : brightness_) e = static_cast<float>(e / correction);
     mean_site_e_ /= correction;
     background_e_ /= correction;
+  }
+
+  TransferGround transfer_ground() const {
+    TransferGround ground;
+    const double k = counts_per_electron();
+    ground.counts_per_electron = k;
+    ground.background_e = background_e_;
+    ground.mean_site_e = mean_site_e_;
+    const std::size_t pixels = light_.sum.pixels().size();
+    const bool own_noise = !emccd() && input_.darks;  // of every pixel, from the dark frames
+    if (own_noise) ground.dark_frames = dark_.frames;
+    for (std::size_t i = 0; i < pixels; ++i) {
+      ground.dark_counts.push_back(dark_level(i));
+      ground.dark_variance_e2.push_back((own_noise ? dark_.variance(i) : noise_ * noise_ + 1.0 / 12) /
+                                            (k * k) +
+                                        (emccd() ? excess() * dark_e_ : 0));
+    }
+    ground.odd = odd_pixels();
+    return ground;
   }
 
   /// The background in electrons is a light over the gain, and the gain a variance over nearly the same
@@ -585,57 +393,8 @@ class Calibrator {
     return odd;
   }
 
-  /// Variance of the rest counts - sum_s b_s share_s of every pixel, the counts' own variance being given:
-  /// v(p) (1 - 2 H(p, p)) + sum_{s,t} share_s(p) share_t(p) cov(b_s, b_t), H = share weight^T.
-  static std::vector<double> rest_variance(const StackModel& model, const std::vector<double>& variance) {
-    const int columns = model.shape.columns;
-    const auto at = [&](const SiteImage& site, int r, int c) {
-      return static_cast<std::size_t>(site.top + r) * columns + static_cast<std::size_t>(site.left + c);
-    };
-    std::vector<std::vector<std::uint32_t>> covering(model.shape.pixels());
-    for (std::size_t s = 0; s < model.sites.size(); ++s)
-      for (int r = 0; r < model.sites[s].share.rows(); ++r)
-        for (int c = 0; c < model.sites[s].share.columns(); ++c)
-          covering[at(model.sites[s], r, c)].push_back(static_cast<std::uint32_t>(s));
-    const std::size_t count = model.sites.size();
-    constexpr double unknown = -1e300;
-    std::vector<double> covariances(count * count, unknown);
-    const auto covariance = [&](std::size_t a, std::size_t b) {
-      double& known = covariances[a * count + b];
-      if (known != unknown) return known;
-      const SiteImage &one = model.sites[a], &two = model.sites[b];
-      double sum = 0;
-      for (int r = std::max(one.top, two.top);
-           r < std::min(one.top + one.share.rows(), two.top + two.share.rows()); ++r)
-        for (int c = std::max(one.left, two.left);
-             c < std::min(one.left + one.share.columns(), two.left + two.share.columns()); ++c)
-          sum += static_cast<double>(one.weight(r - one.top, c - one.left)) *
-                 static_cast<double>(two.weight(r - two.top, c - two.left)) *
-                 variance[static_cast<std::size_t>(r) * columns + static_cast<std::size_t>(c)];
-      covariances[b * count + a] = sum;
-      return known = sum;
-    };
-    std::vector<double> rest = variance;
-    for (std::size_t i = 0; i < rest.size(); ++i) {
-      const int r = static_cast<int>(i) / columns, c = static_cast<int>(i) % columns;
-      double change = 0;
-      for (const std::uint32_t a : covering[i]) {
-        const SiteImage& one = model.sites[a];
-        const double share = one.share(r - one.top, c - one.left);
-        change -= 2 * share * static_cast<double>(one.weight(r - one.top, c - one.left)) * variance[i];
-        for (const std::uint32_t b : covering[i])
-          change +=
-              share *
-              static_cast<double>(model.sites[b].share(r - model.sites[b].top, c - model.sites[b].left)) *
-              covariance(a, b);
-      }
-      rest[i] += change;
-    }
-    return rest;
-  }
-
   void fit_atom_light() {
-    // From the 98 % quantile: close to the light of an atom that stays.
+    // From the 90 % quantile: close to the light of an atom that stays.
     std::vector<float> sorted = brightness_;
     const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(static_cast<double>(sorted.size()) * 0.9);
     std::nth_element(sorted.begin(), at, sorted.end());
@@ -871,7 +630,6 @@ class Calibrator {
   Selected frames_;
   Calibration result_;
   StackSums light_, dark_;
-  CountHistogram dark_histogram_;
   std::vector<float> brightness_;
   Leakage leaks_;
   std::optional<PointSpreadFunction> point_spread_;  // once the optics are known

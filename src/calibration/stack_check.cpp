@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "base/error.hpp"
 
@@ -73,6 +74,50 @@ void check_darks(const StackSums& darks, const StackSums& light) {
                 fmt::format("have {:.1f} counts in the median pixel, the frames {:.1f}: frames of the closed "
                             "shutter, at the same settings, are not brighter",
                             dark, lit));
+}
+
+void check_site_light(const MeanImage& mean, const OpticsFit& fitted) {
+  constexpr double errors = 8, least_deviations = 4, pixels_of_site = 20;
+  const int sites = fitted.lattice.sites();
+  const double mean_site_e =
+      std::accumulate(fitted.site_e.begin(), fitted.site_e.end(), 0.0) / std::max(1, sites);
+  // A lattice that looks for light in noise finds some: so many errors of the mean over the sites, each of
+  // which spreads over some pixels.
+  const double pixel_variance =
+      mean.dark_variance.pixels()[0] + mean.variance_per_e * std::max(0.0, fitted.background_e);
+  const double noise = std::sqrt(pixel_variance) *
+                       std::max(least_deviations, errors * std::sqrt(pixels_of_site / std::max(1, sites)));
+  if (!(mean_site_e > noise))
+    throw Error("frames", fmt::format("no light where the notes list {} sites: {:.3f} e- a site and frame on "
+                                      "average, {:.3f} is the noise",
+                                      sites, std::max(0.0, mean_site_e), noise));
+}
+
+void check_site_images(const MeanImage& mean, const OpticsFit& fitted) {
+  constexpr double least_px = 0.3;
+  const int sites = fitted.lattice.sites();
+  // An even image must be much worse than one with sites, whose many parameters also fit noise.
+  double weights = 0, first = 0, second = 0;
+  for (std::size_t i = 0; i < mean.electrons.pixels().size(); ++i) {
+    if (mean.variance.pixels()[i] > 1e6) continue;
+    const double weight =
+        1 / (mean.dark_variance.pixels()[i] + mean.variance_per_e * std::max(0.0, fitted.background_e));
+    const double value = mean.electrons.pixels()[i];
+    weights += weight, first += weight * value, second += weight * value * value;
+  }
+  // In units of the errors that the image has: without darks, they come out too small.
+  const double wide = std::max(1.0, fitted.chi_square / std::max(1, fitted.degrees_of_freedom));
+  const double gained = (second - first * first / weights - fitted.chi_square) / wide;
+  const double by_noise = static_cast<double>(fitted.site_e.size() + 18) * 4 + 100;
+  if (!(gained > by_noise))
+    throw Error("frames", fmt::format("no light where the notes list {} sites: with them chi square falls by "
+                                      "{:.0f}, {:.0f} may be noise",
+                                      sites, gained, by_noise));
+  if (!(fitted.position_error_px < least_px))
+    throw Error("frames",
+                fmt::format("the notes list {} sites, but the light there does not have the shape of sites: "
+                            "their positions come out with an error of {:.2g} pixels, {} is allowed",
+                            sites, fitted.position_error_px, least_px));
 }
 
 }  // namespace atomcam

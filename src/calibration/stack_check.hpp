@@ -3,6 +3,7 @@
 
 #include <string_view>
 
+#include "calibration/optics_fit.hpp"
 #include "calibration/sensor_fit.hpp"
 
 namespace atomcam {
@@ -13,5 +14,12 @@ void check_stack(const StackSums& sums, std::string_view place);
 
 /// Throws an Error at "darks" if they are brighter than the frames by more than a drift of the baseline.
 void check_darks(const StackSums& darks, const StackSums& light);
+
+/// Throws an Error at "frames" if the sites are no brighter than a lattice laid over noise would find them.
+void check_site_light(const MeanImage& mean, const OpticsFit& fitted);
+
+/// Throws an Error at "frames" if the mean image is hardly better explained with sites than by even light, or
+/// if the light there does not have the shape of sites.
+void check_site_images(const MeanImage& mean, const OpticsFit& fitted);
 
 }  // namespace atomcam

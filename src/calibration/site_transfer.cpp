@@ -1,0 +1,232 @@
+#include "calibration/site_transfer.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/quantile.hpp"
+
+namespace atomcam {
+namespace {
+
+/// Variance of the rest counts - sum_s b_s share_s of every pixel, the counts' own variance being given:
+/// v(p) (1 - 2 H(p, p)) + sum_{s,t} share_s(p) share_t(p) cov(b_s, b_t), H = share weight^T.
+std::vector<double> rest_variance(const StackModel& model, const std::vector<double>& variance) {
+  const int columns = model.shape.columns;
+  const auto at = [&](const SiteImage& site, int r, int c) {
+    return static_cast<std::size_t>(site.top + r) * columns + static_cast<std::size_t>(site.left + c);
+  };
+  std::vector<std::vector<std::uint32_t>> covering(model.shape.pixels());
+  for (std::size_t s = 0; s < model.sites.size(); ++s)
+    for (int r = 0; r < model.sites[s].share.rows(); ++r)
+      for (int c = 0; c < model.sites[s].share.columns(); ++c)
+        covering[at(model.sites[s], r, c)].push_back(static_cast<std::uint32_t>(s));
+  const std::size_t count = model.sites.size();
+  constexpr double unknown = -1e300;
+  std::vector<double> covariances(count * count, unknown);
+  const auto covariance = [&](std::size_t a, std::size_t b) {
+    double& known = covariances[a * count + b];
+    if (known != unknown) return known;
+    const SiteImage &one = model.sites[a], &two = model.sites[b];
+    double sum = 0;
+    for (int r = std::max(one.top, two.top);
+         r < std::min(one.top + one.share.rows(), two.top + two.share.rows()); ++r)
+      for (int c = std::max(one.left, two.left);
+           c < std::min(one.left + one.share.columns(), two.left + two.share.columns()); ++c)
+        sum += static_cast<double>(one.weight(r - one.top, c - one.left)) *
+               static_cast<double>(two.weight(r - two.top, c - two.left)) *
+               variance[static_cast<std::size_t>(r) * columns + static_cast<std::size_t>(c)];
+    covariances[b * count + a] = sum;
+    return known = sum;
+  };
+  std::vector<double> rest = variance;
+  for (std::size_t i = 0; i < rest.size(); ++i) {
+    const int r = static_cast<int>(i) / columns, c = static_cast<int>(i) % columns;
+    double change = 0;
+    for (const std::uint32_t a : covering[i]) {
+      const SiteImage& one = model.sites[a];
+      const double share = one.share(r - one.top, c - one.left);
+      change -= 2 * share * static_cast<double>(one.weight(r - one.top, c - one.left)) * variance[i];
+      for (const std::uint32_t b : covering[i])
+        change += share *
+                  static_cast<double>(model.sites[b].share(r - model.sites[b].top, c - model.sites[b].left)) *
+                  covariance(a, b);
+    }
+    rest[i] += change;
+  }
+  return rest;
+}
+
+constexpr int blocks = 8;  // of frames, interleaved, for the error of the photon transfer
+
+/// Frames of such a block.
+double frames_of(int block, double frames) {
+  return std::floor((frames - block - 1) / blocks) + 1;
+}
+
+/// Sums over the frames.
+struct Sums {
+  std::vector<double> rest, light;           // per pixel: left over, and of the sites' images
+  std::vector<std::vector<double>> squares;  // [block, pixel] of the rest
+  std::vector<double> block_light;           // of all sites
+  std::vector<double> block_rest;            // of the used pixels
+};
+
+/// Light per electron of every site's mean that lies beyond the stamps. It comes from many sites: its mean is
+/// as good as itself.
+std::vector<double> far_light(const StackModel& model) {
+  std::vector<double> near(model.shape.pixels(), 0);
+  for (const SiteImage& site : model.sites)
+    for (int r = 0; r < site.share.rows(); ++r)
+      for (int c = 0; c < site.share.columns(); ++c)
+        near[static_cast<std::size_t>(site.top + r) * model.shape.columns + site.left + c] +=
+            site.share(r, c);
+  std::vector<double> far(near.size());
+  for (std::size_t i = 0; i < far.size(); ++i)
+    far[i] = std::max(0.0, static_cast<double>(model.site_light.pixels()[i]) - near[i]);
+  return far;
+}
+
+std::vector<std::uint8_t> pixels_with_less_light(const StackModel& model,
+                                                 const std::vector<std::uint8_t>& odd) {
+  const auto light = model.site_light.pixels();
+  const double middle = median({light.begin(), light.end()});
+  std::vector<std::uint8_t> used(odd.size());
+  for (std::size_t i = 0; i < used.size(); ++i) used[i] = !odd[i] && static_cast<double>(light[i]) <= middle;
+  return used;
+}
+
+/// Splits every frame into its sites' light (least squares) and the rest.
+Sums sum_up(const FrameSequence& frames, const StackModel& model, const std::vector<double>& level, double k,
+            const std::vector<std::uint8_t>& used, std::vector<float>& brightness) {
+  const std::size_t pixels = level.size(), sites = model.sites.size();
+  Sums sums;
+  sums.rest.assign(pixels, 0);
+  sums.light.assign(pixels, 0);
+  sums.squares.assign(blocks, std::vector<double>(pixels, 0));
+  sums.block_light.assign(blocks, 0);
+  sums.block_rest.assign(blocks, 0);
+  brightness.reserve(frames.frames() * sites);
+  std::vector<double> rest(pixels);
+  std::size_t visited = 0;
+  frames.visit([&](std::size_t, const CountImage& frame) {
+    const auto counts = frame.pixels();
+    for (std::size_t i = 0; i < pixels; ++i) rest[i] = (counts[i] - level[i]) / k;
+    const std::size_t first = brightness.size();
+    for (const SiteImage& site : model.sites) {
+      double sum = 0;
+      for (int r = 0; r < site.weight.rows(); ++r) {
+        const double* row = &rest[static_cast<std::size_t>(site.top + r) * model.shape.columns + site.left];
+        const auto weight = site.weight.row(r);
+        for (int c = 0; c < site.weight.columns(); ++c) sum += static_cast<double>(weight[c]) * row[c];
+      }
+      brightness.push_back(static_cast<float>(sum));
+    }
+    for (std::size_t s = 0; s < sites; ++s) {
+      const SiteImage& site = model.sites[s];
+      const double e = brightness[first + s];
+      for (int r = 0; r < site.share.rows(); ++r) {
+        const std::size_t at = static_cast<std::size_t>(site.top + r) * model.shape.columns + site.left;
+        const auto share = site.share.row(r);
+        for (int c = 0; c < site.share.columns(); ++c) {
+          rest[at + c] -= e * static_cast<double>(share[c]);
+          sums.light[at + c] += e * static_cast<double>(share[c]);
+        }
+      }
+    }
+    const std::size_t block = visited++ % blocks;
+    for (std::size_t s = 0; s < sites; ++s)
+      sums.block_light[block] += static_cast<double>(brightness[first + s]);
+    for (std::size_t i = 0; i < pixels; ++i) {
+      sums.rest[i] += rest[i];
+      if (used[i]) sums.block_rest[block] += rest[i];
+      sums.squares[block][i] += rest[i] * rest[i];
+    }
+  });
+  return sums;
+}
+
+/// Variance of every site's light from frame to frame.
+std::vector<double> changes_of(const std::vector<float>& brightness, std::size_t sites, double frames) {
+  std::vector<double> changes(sites, 0.0);
+  for (std::size_t s = 0; s < sites; ++s) {
+    double sum = 0, squares = 0;
+    for (std::size_t at = s; at < brightness.size(); at += sites) {
+      const double e = brightness[at];
+      sum += e, squares += e * e;
+    }
+    changes[s] = std::max(0.0, (squares - sum * sum / frames) / (frames - 1));
+  }
+  return changes;
+}
+
+}  // namespace
+
+SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
+                           const PointSpreadFunction& point_spread, const TransferGround& ground) {
+  SiteTransfer transfer;
+  const std::size_t pixels = ground.dark_counts.size();
+  const double k = ground.counts_per_electron, background = ground.background_e, site_e = ground.mean_site_e,
+               n = static_cast<double>(frames.frames());
+  const std::vector<double> far = far_light(model);
+  std::vector<double> level(pixels);
+  for (std::size_t i = 0; i < pixels; ++i)
+    level[i] = ground.dark_counts[i] + (background + site_e * far[i]) * k;
+  const std::vector<std::uint8_t> used = pixels_with_less_light(model, ground.odd);
+  const Sums sums = sum_up(frames, model, level, k, used, transfer.brightness_e);
+
+  std::vector<double> shot(pixels);
+  for (std::size_t i = 0; i < pixels; ++i)
+    shot[i] = std::max(0.0, sums.light[i] / n + background + site_e * far[i]);
+  const std::vector<double> read = rest_variance(model, ground.dark_variance_e2);
+  shot = rest_variance(model, shot);
+  // Atoms that come and go also move the light that the stamps do not hold.
+  transfer.leaks = leakage(model, point_spread, changes_of(transfer.brightness_e, model.sites.size(), n));
+  double signal = 0, floor = 0;
+  for (std::size_t i = 0; i < pixels; ++i)
+    if (used[i]) floor += read[i] + transfer.leaks.rest_variance[i], signal += shot[i];
+  // A block with more light has more noise: its variance goes with its own light, or the error comes out
+  // too large.
+  double from_sites = 0, from_all = 0, all_light = 0, all_rest = 0;
+  for (std::size_t i = 0; i < pixels; ++i)
+    if (used[i]) {
+      from_sites += std::max(0.0, sums.light[i] / n) + site_e * far[i];
+      from_all += std::max(0.0, sums.light[i] / n) + site_e * far[i] + background;
+      all_rest += sums.rest[i] / n;
+    }
+  for (const double value : sums.block_light) all_light += value / n;
+  // What the fit of the sites leaves over is light as well.
+  if (from_all > 0) signal *= 1 + all_rest / from_all;
+  std::vector<double> by_block;
+  double mean = 0, spread = 0;
+  for (int block = 0; block < blocks; ++block) {
+    const auto b = static_cast<std::size_t>(block);
+    const double own = frames_of(block, n);
+    double variance = 0;
+    for (std::size_t i = 0; i < pixels; ++i) {
+      const double m = sums.rest[i] / n;
+      if (used[i]) variance += (sums.squares[b][i] / own - m * m) * n / (n - 1);
+    }
+    const double sites_more = all_light > 0 ? from_sites * (sums.block_light[b] / own / all_light - 1) : 0;
+    const double more =
+        from_all > 0 ? (sites_more + sums.block_rest[b] / own - all_rest) / (from_all + all_rest) : 0;
+    by_block.push_back((variance - floor) / (signal * (1 + more)));
+    mean += by_block.back() / blocks;
+  }
+  for (const double value : by_block) spread += (value - mean) * (value - mean) / (blocks - 1);
+  // All blocks share the dark frames: their noise in the variance and in the light that are taken off.
+  double dark_error = 0;
+  if (ground.dark_frames > 0 && signal > 0) {
+    const double darks = std::max(2.0, static_cast<double>(ground.dark_frames));
+    for (std::size_t i = 0; i < pixels; ++i) {
+      if (!used[i]) continue;
+      const double variance = ground.dark_variance_e2[i];
+      dark_error += variance * variance * 2 / (darks - 1) / (signal * signal) +
+                    variance / darks * mean * mean / (from_all * from_all);
+    }
+  }
+  transfer.variance_per_e = mean;
+  transfer.error = std::sqrt(spread / blocks + dark_error);
+  return transfer;
+}
+
+}  // namespace atomcam

@@ -32,8 +32,9 @@ class Pearson {
   /// Whether the density rises so steeply at its lower end that a bin must be integrated over.
   bool steep() const { return skewness_ > 0.5; }
 
-  /// Probability of less than x, of a skew law.
+  /// Probability of less than x.
   double below(double x) const {
+    if (shape_ == 0) return 0.5 * std::erfc((mean_ - x) / (deviation_ * std::numbers::sqrt2));
     const double y = shape_ + std::sqrt(shape_) * (x - mean_) / deviation_;
     return y > 0 ? Eigen::numext::igamma(shape_, y) : 0;
   }

@@ -85,19 +85,23 @@ class Report {
         stay{.label = "there to the end", .colour = green, .x = {}, .y = {}, .error = {}},
         lost{.label = "lost during the exposure", .colour = orange, .x = {}, .y = {}, .error = {}},
         sum{.label = "sum", .colour = grey, .x = {}, .y = {}, .width = 2.2, .error = {}};
-    const double total = static_cast<double>(brightness_.size()) * width;
+    const auto total = static_cast<double>(brightness_.size());
     const Pearson none = component(0), whole = component(fit.atom_e);
     constexpr int steps = 48;
     const double rate = -std::log(std::max(1e-12, fit.survival));
     for (int k = 0; k < bins; ++k) {
       const double x = low + (k + 0.5) * width;
+      // A peak may be narrower than a bin.
+      const auto share = [&](const Pearson& law) {
+        return law.below(x + 0.5 * width) - law.below(x - 0.5 * width);
+      };
       double gone = 0;
       for (int j = 0; j < steps; ++j) {
         const double a = static_cast<double>(j) / steps, b = static_cast<double>(j + 1) / steps;
-        gone += (std::exp(-rate * a) - std::exp(-rate * b)) * component(fit.atom_e * 0.5 * (a + b))(x);
+        gone += (std::exp(-rate * a) - std::exp(-rate * b)) * share(component(fit.atom_e * 0.5 * (a + b)));
       }
-      const double parts[3] = {(1 - fit.filling) * none(x) * total,
-                               fit.filling * fit.survival * whole(x) * total, fit.filling * gone * total};
+      const double parts[3] = {(1 - fit.filling) * share(none) * total,
+                               fit.filling * fit.survival * share(whole) * total, fit.filling * gone * total};
       const double seen_here = count[static_cast<std::size_t>(k)];
       seen.x.push_back(x), seen.y.push_back(seen_here), seen.error.push_back(std::sqrt(seen_here));
       empty.x.push_back(x), empty.y.push_back(parts[0]);

@@ -43,6 +43,7 @@ TEST(KeptResults, ComeBackBitByBit) {
   for (std::size_t k = 0; k < expected.size(); ++k) {
     ASSERT_EQ((*found)[k].rows(), expected[k].rows());
     ASSERT_EQ((*found)[k].cols(), expected[k].cols());
+    if (expected[k].size() == 0) continue;  // has no data to point to
     EXPECT_EQ(0, std::memcmp((*found)[k].data(), expected[k].data(),
                              sizeof(double) * static_cast<std::size_t>(expected[k].size())));
   }

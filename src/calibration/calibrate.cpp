@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <optional>
 
 #include "base/error.hpp"
@@ -268,9 +267,7 @@ class Calibrator {
           fit_optics(mean, result_.lab.optics, input_.like->optics.lattice, &input_.like->optics.zernike_um);
     else
       result_.optics = fit_optics(mean, result_.lab.optics, find_lattice(mean, noted_lattice(), spot));
-    const double total =
-        std::max(0.0, std::accumulate(result_.optics.site_e.begin(), result_.optics.site_e.end(), 0.0));
-    mean_site_e_ = total / std::max<std::size_t>(1, result_.optics.site_e.size());
+    mean_site_e_ = result_.optics.mean_site_e();
     check_site_light(mean, result_.optics);
     if (!input_.like) check_site_images(mean, result_.optics);
     for (const double e : result_.optics.site_e) result_.site_brightness.push_back(e / mean_site_e_);

@@ -334,6 +334,11 @@ int stamp_radius_px(const Lattice& lattice) {
   return std::clamp(static_cast<int>(std::lround(1.5 * spacing)), 8, 16);
 }
 
+double OpticsFit::mean_site_e() const {
+  const double total = std::accumulate(site_e.begin(), site_e.end(), 0.0);
+  return std::max(0.0, total) / static_cast<double>(std::max<std::size_t>(1, site_e.size()));
+}
+
 OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start,
                      const std::array<double, zernike_terms>* known) {
   const int radius = stamp_radius_px(start);

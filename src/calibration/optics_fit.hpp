@@ -35,6 +35,7 @@ struct OpticsFit {
   Lattice lattice;
   std::array<double, zernike_terms> zernike_um{};
   std::vector<double> site_e;  // mean electrons per frame of each site, row by row
+  double mean_site_e() const;  // over the sites, not below 0
   double background_e = 0, background_error = 0;
   /// Parameters: origin x, y, a x, y, b x, y (about the lattice's middle), Zernike terms 3 ... 14.
   Eigen::MatrixXd covariance;

@@ -6,6 +6,20 @@
 
 namespace atomcam {
 
+std::vector<double> light_beyond_stamps(const StackModel& model) {
+  std::vector<double> far(model.shape.pixels(), 0);
+  if (model.site_light.empty()) return far;
+  std::vector<double> near(far.size(), 0);
+  for (const SiteImage& site : model.sites)
+    for (int r = 0; r < site.share.rows(); ++r)
+      for (int c = 0; c < site.share.columns(); ++c)
+        near[static_cast<std::size_t>(site.top + r) * static_cast<std::size_t>(model.shape.columns) +
+             static_cast<std::size_t>(site.left + c)] += static_cast<double>(site.share(r, c));
+  for (std::size_t i = 0; i < far.size(); ++i)
+    far[i] = std::max(0.0, static_cast<double>(model.site_light.pixels()[i]) - near[i]);
+  return far;
+}
+
 SiteLight::SiteLight(const StackModel& model, bool shutter_open) : model_(model), open_(shutter_open) {
   const std::size_t pixels = model.shape.pixels();
   const double k = model.counts_per_electron;
@@ -13,17 +27,8 @@ SiteLight::SiteLight(const StackModel& model, bool shutter_open) : model_(model)
   rest_.resize(pixels);
   if (!open_) return;
   brightness_.resize(model.sites.size());
-  // Light beyond the stamps comes from many sites: its mean is as good as itself.
-  std::vector<double> near(pixels, 0);
-  for (const SiteImage& site : model.sites)
-    for (int r = 0; r < site.share.rows(); ++r)
-      for (int c = 0; c < site.share.columns(); ++c)
-        near[static_cast<std::size_t>(site.top + r) * static_cast<std::size_t>(model.shape.columns) +
-             static_cast<std::size_t>(site.left + c)] += static_cast<double>(site.share(r, c));
-  if (model.site_light.empty()) return;
-  for (std::size_t i = 0; i < pixels; ++i)
-    level_[i] += std::max(0.0, static_cast<double>(model.site_light.pixels()[i]) - near[i]) * model.filling *
-                 model.atom_e * k;
+  const std::vector<double> far = light_beyond_stamps(model);
+  for (std::size_t i = 0; i < pixels; ++i) level_[i] += far[i] * model.filling * model.atom_e * k;
 }
 
 double SiteLight::lit_e(std::size_t pixel) const {

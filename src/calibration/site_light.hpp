@@ -8,6 +8,10 @@
 
 namespace atomcam {
 
+/// Per pixel and electron of every site's light, what falls outside of the sites' stamps. It comes from many
+/// sites: its mean is as good as itself. All 0 for a model without its sites' light.
+std::vector<double> light_beyond_stamps(const StackModel& model);
+
 class SiteLight {
  public:
   /// Refers to `model`. With the shutter closed there are no sites and no stray light.

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/quantile.hpp"
+#include "calibration/site_light.hpp"
 
 namespace atomcam {
 namespace {
@@ -70,21 +71,6 @@ struct Sums {
   std::vector<double> block_light;           // of all sites
   std::vector<double> block_rest;            // of the used pixels
 };
-
-/// Light per electron of every site's mean that lies beyond the stamps. It comes from many sites: its mean is
-/// as good as itself.
-std::vector<double> far_light(const StackModel& model) {
-  std::vector<double> near(model.shape.pixels(), 0);
-  for (const SiteImage& site : model.sites)
-    for (int r = 0; r < site.share.rows(); ++r)
-      for (int c = 0; c < site.share.columns(); ++c)
-        near[static_cast<std::size_t>(site.top + r) * model.shape.columns + site.left + c] +=
-            site.share(r, c);
-  std::vector<double> far(near.size());
-  for (std::size_t i = 0; i < far.size(); ++i)
-    far[i] = std::max(0.0, static_cast<double>(model.site_light.pixels()[i]) - near[i]);
-  return far;
-}
 
 std::vector<std::uint8_t> pixels_with_less_light(const StackModel& model,
                                                  const std::vector<std::uint8_t>& odd) {
@@ -167,7 +153,7 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
   const std::size_t pixels = ground.dark_counts.size();
   const double k = ground.counts_per_electron, background = ground.background_e, site_e = ground.mean_site_e,
                n = static_cast<double>(frames.frames());
-  const std::vector<double> far = far_light(model);
+  const std::vector<double> far = light_beyond_stamps(model);
   std::vector<double> level(pixels);
   for (std::size_t i = 0; i < pixels; ++i)
     level[i] = ground.dark_counts[i] + (background + site_e * far[i]) * k;

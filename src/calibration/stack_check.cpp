@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "base/error.hpp"
 
@@ -79,8 +78,7 @@ void check_darks(const StackSums& darks, const StackSums& light) {
 void check_site_light(const MeanImage& mean, const OpticsFit& fitted) {
   constexpr double errors = 8, least_deviations = 4, pixels_of_site = 20;
   const int sites = fitted.lattice.sites();
-  const double mean_site_e =
-      std::accumulate(fitted.site_e.begin(), fitted.site_e.end(), 0.0) / std::max(1, sites);
+  const double mean_site_e = fitted.mean_site_e();
   // A lattice that looks for light in noise finds some: so many errors of the mean over the sites, each of
   // which spreads over some pixels.
   const double pixel_variance =
@@ -90,7 +88,7 @@ void check_site_light(const MeanImage& mean, const OpticsFit& fitted) {
   if (!(mean_site_e > noise))
     throw Error("frames", fmt::format("no light where the notes list {} sites: {:.3f} e- a site and frame on "
                                       "average, {:.3f} is the noise",
-                                      sites, std::max(0.0, mean_site_e), noise));
+                                      sites, mean_site_e, noise));
 }
 
 void check_site_images(const MeanImage& mean, const OpticsFit& fitted) {

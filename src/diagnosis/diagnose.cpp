@@ -167,6 +167,7 @@ class Diagnoser {
     }
     return judged;
   }
+
   RealStack real_stack() const {
     RealStack real{&real_, &result_.calibration, &notes_};
     if (options_.beside.background) {

@@ -166,10 +166,7 @@ class Comparison {
       return;
     }
     result_.verdict = Verdict::unexplained;
-    Unexplained& rest = result_.unexplained;
-    rest.present = true;
-    rest.stage = stage_of_differences(declarations, z, {});
-    rest.looks_like = describe_differences(declarations, z);
+    Unexplained& rest = result_.unexplained = unexplained_of(declarations, z);
     const ChangedParameter changed =
         changed_parameter(pairs.first, open, z, standard.deviation().cwiseProduct(factor), standard.own());
     if (changed.closed > told) {

@@ -434,7 +434,6 @@ class Diagnoser {
   /// No model passes. One that closes nearly all of a large gap is named all the same, with what it leaves.
   void nearest(std::vector<Model> models) {
     result_.verdict = Verdict::unexplained;
-    result_.unexplained.present = true;
     if (models.empty()) return;
     const auto best = std::max_element(models.begin(), models.end(), [](const Model& a, const Model& b) {
       return a.log_likelihood < b.log_likelihood;
@@ -543,15 +542,10 @@ class Diagnoser {
     result_.lab = have_final_ ? final_.fitted_lab() : plain_.fitted_lab();
     if (result_.verdict == Verdict::no_gap && result_.p_gap < gap_level)
       result_.verdict = Verdict::unexplained;
-    if (result_.verdict == Verdict::unexplained) {
-      result_.unexplained.present = true;
-      result_.unexplained.stage = stage_of_differences(declarations_, plain_.z, result_.hypotheses);
-      result_.unexplained.looks_like = describe_differences(declarations_, plain_.z);
-    } else if (have_final_ && result_.p_after < reject_level) {
-      result_.unexplained.present = true;
-      result_.unexplained.stage = stage_of_differences(declarations_, final_.z, {});
-      result_.unexplained.looks_like = describe_differences(declarations_, final_.z);
-    }
+    if (result_.verdict == Verdict::unexplained)
+      result_.unexplained = unexplained_of(declarations_, plain_.z, result_.hypotheses);
+    else if (have_final_ && result_.p_after < reject_level)
+      result_.unexplained = unexplained_of(declarations_, final_.z);
     result_.next_measurement = next_measurements(result_, darks_ != nullptr);
     result_.sentence = sentence_of(result_);
     if (kept_) kept_->trim(largest_cache);

@@ -12,6 +12,7 @@
 
 #include "analysis/battery.hpp"
 #include "calibration/calibrate.hpp"
+#include "diagnosis/character.hpp"
 #include "diagnosis/second_opinions.hpp"
 
 namespace atomcam {
@@ -75,7 +76,8 @@ struct GapClosed {
 struct Unexplained {
   bool present = false;
   std::string stage;
-  std::string looks_like;
+  Character character;
+  std::string looks_like;  // the character and the most telling differences, in words
 };
 
 /// Stacks beside the frames and the darks; calibration takes what they tell.

@@ -147,7 +147,10 @@ std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaratio
   return list;
 }
 
-std::string describe_differences(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+namespace {
+
+std::vector<std::string> strongest(const std::vector<StatisticDeclaration>& battery,
+                                   const Eigen::VectorXd& z) {
   std::vector<std::size_t> order(battery.size());
   for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
@@ -161,7 +164,21 @@ std::string describe_differences(const std::vector<StatisticDeclaration>& batter
     parts.push_back(fmt::format("{} ({}, {}{}) {:+.1f} sigma", one.name, one.axis, one.place,
                                 one.darks ? ", dark frames" : "", value));
   }
-  return fmt::format("{}", fmt::join(parts, "; "));
+  return parts;
+}
+
+}  // namespace
+
+Unexplained unexplained_of(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
+                           const std::vector<Hypothesis>& hypotheses) {
+  Unexplained rest;
+  rest.present = true;
+  rest.stage = stage_of_differences(battery, z, hypotheses);
+  rest.character = character_of(battery, z);
+  std::vector<std::string> parts = strongest(battery, z);
+  if (std::string words = in_words(rest.character); !words.empty()) parts.insert(parts.begin(), words);
+  rest.looks_like = fmt::format("{}", fmt::join(parts, "; "));
+  return rest;
 }
 
 std::vector<std::string> next_measurements(const Diagnosis& diagnosis, bool has_darks) {

@@ -22,8 +22,9 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
 std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaration>& battery,
                                            const Eigen::VectorXd& z, const Eigen::VectorXd& z_after);
 
-/// In words: stage, axis, static or changing, of the most telling differences.
-std::string describe_differences(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z);
+/// What is not explained: its stage, its character, the most telling differences.
+Unexplained unexplained_of(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
+                           const std::vector<Hypothesis>& hypotheses = {});
 
 std::vector<std::string> next_measurements(const Diagnosis& diagnosis, bool has_darks);
 std::string sentence_of(const Diagnosis& diagnosis);

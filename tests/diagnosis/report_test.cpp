@@ -45,7 +45,7 @@ Diagnosis everything() {
                              0.95}},
                            {{"threshold", {{0.98, 0.001}, {7, 0.1}, {nan, nan}}, simulated, simulated}},
                            100};
-  d.unexplained = {true, "optics", "<script>alert(1)</script>"};
+  d.unexplained = {true, "optics", {"space", "static", "additive", "2 rows"}, "<script>alert(1)</script>"};
   d.next_measurement = {"darks & flats"};
   d.hypotheses.resize(3);
   d.hypotheses[0].effects = d.hypotheses[1].effects = {"row_noise"};
@@ -146,6 +146,10 @@ TEST(DiagnosisJson, KeysAreStable) {
                                           "gap.detection[].after.true_fidelity.error",
                                           "unexplained.present",
                                           "unexplained.stage",
+                                          "unexplained.axis",
+                                          "unexplained.change",
+                                          "unexplained.action",
+                                          "unexplained.period",
                                           "unexplained.looks_like",
                                           "hypotheses[].effects[]",
                                           "hypotheses[].log_evidence",

@@ -81,9 +81,24 @@ std::vector<std::uint8_t> pixels_with_less_light(const StackModel& model,
   return used;
 }
 
+/// Charge in one pixel of one frame beyond which it is no light of this scene: a cosmic ray holds thousands
+/// of electrons, and a few of them as much variance as all the light.
+std::vector<double> struck_from(const StackModel& model, const TransferGround& ground) {
+  constexpr double electrons = 40, deviations = 12;
+  constexpr double excess = 2;  // of an EM register; none has more
+  std::vector<double> limit(ground.dark_variance_e2.size());
+  for (std::size_t i = 0; i < limit.size(); ++i) {
+    const double light_e =
+        std::max(0.0, ground.background_e) + std::max(0.0, static_cast<double>(model.site_light.pixels()[i]));
+    limit[i] = electrons + deviations * std::sqrt(ground.dark_variance_e2[i] + excess * light_e);
+  }
+  return limit;
+}
+
 /// Splits every frame into its sites' light (least squares) and the rest.
 Sums sum_up(const FrameSequence& frames, const StackModel& model, const std::vector<double>& level, double k,
-            const std::vector<std::uint8_t>& used, std::vector<float>& brightness) {
+            const std::vector<std::uint8_t>& used, const std::vector<double>& struck,
+            std::vector<float>& brightness) {
   const std::size_t pixels = level.size(), sites = model.sites.size();
   Sums sums;
   sums.rest.assign(pixels, 0);
@@ -123,6 +138,7 @@ Sums sum_up(const FrameSequence& frames, const StackModel& model, const std::vec
     for (std::size_t s = 0; s < sites; ++s)
       sums.block_light[block] += static_cast<double>(brightness[first + s]);
     for (std::size_t i = 0; i < pixels; ++i) {
+      if (used[i] && rest[i] > struck[i]) continue;
       sums.rest[i] += rest[i];
       if (used[i]) sums.block_rest[block] += rest[i];
       sums.squares[block][i] += rest[i] * rest[i];
@@ -158,7 +174,7 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
   for (std::size_t i = 0; i < pixels; ++i)
     level[i] = ground.dark_counts[i] + (background + site_e * far[i]) * k;
   const std::vector<std::uint8_t> used = pixels_with_less_light(model, ground.odd);
-  const Sums sums = sum_up(frames, model, level, k, used, transfer.brightness_e);
+  const Sums sums = sum_up(frames, model, level, k, used, struck_from(model, ground), transfer.brightness_e);
 
   std::vector<double> shot(pixels);
   for (std::size_t i = 0; i < pixels; ++i)

@@ -100,6 +100,18 @@ TEST_P(Calibrate, FindsTheLabBehindTheFrames) {
 INSTANTIATE_TEST_SUITE_P(Cameras, Calibrate, testing::Bool(),
                          [](const auto& which) { return which.param ? "emccd" : "qcmos"; });
 
+// A few tracks of thousands of electrons have more variance than all the light.
+TEST(Calibrate, TracksOfCosmicRaysAreNoOtherGain) {
+  const Notes notes = rough_notes(true);
+  Lab truth = true_lab(notes);
+  truth.effects["cosmic_rays"] = {50, 1200, 4};
+  const FramesInMemory light(render(truth, 0, 250, true)), darks(render(truth, 1000000, 100, false));
+  const Calibration found = calibrate(input_of(notes, light, &darks));
+  const double truly =
+      truth.settings.em_gain / std::get<EmccdDescription>(truth.sensor).readout_modes[0].electrons_per_count;
+  EXPECT_NEAR(found.model.counts_per_electron / truly, 1, 0.04);
+}
+
 TEST(CalibrateErrors, SayWhatIsWrong) {
   const Notes notes = rough_notes(true);
   Lab lab = true_lab(notes);

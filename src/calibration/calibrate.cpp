@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "base/error.hpp"
+#include "base/quantile.hpp"
 #include "calibration/count_start.hpp"
 #include "calibration/parameter_table.hpp"
 #include "calibration/site_model.hpp"
@@ -154,7 +155,7 @@ class Calibrator {
       options.gain = multiplied();
       options.serial = input_.full && multiplied();
       result_.counts =
-          fit_counts({histogram_about(occurrences, seen, counts_per_electron())}, true, start, options);
+          fit_dark_law(histogram_about(occurrences, seen, counts_per_electron()), start, options);
       bias_ = result_.counts.law.bias_counts;
       noise_ = result_.counts.law.read_noise_counts;
       em_gain_ = result_.counts.law.em_gain;
@@ -179,6 +180,22 @@ class Calibrator {
       noise_error_ = result_.dark_maps.read_noise_error;
       dark_e_ = notes_.dark_e_per_s * notes_.exposure_s;
     }
+  }
+
+  /// Where something else bends the law of the dark counts beyond belief, the gain is left to the notes and
+  /// to the light.
+  CountFit fit_dark_law(const CountHistogram& histogram, const CountLaw& start, CountFitOptions options) {
+    constexpr double believed = 3, noted_error = 0.3;
+    CountFit fit = fit_counts({histogram}, true, start, options);
+    const double factor = fit.law.em_gain / start.em_gain;
+    if (!options.gain || (factor > 1 / believed && factor < believed)) return fit;
+    result_.warnings.push_back(fmt::format(
+        "dark counts have a tail as of an EM gain of {:.3g}, {:.3g} is noted: not taken for the gain",
+        fit.law.em_gain, start.em_gain));
+    options.gain = false;
+    fit = fit_counts({histogram}, true, start, options);
+    fit.em_gain_error = noted_error * start.em_gain;
+    return fit;
   }
 
   std::vector<std::uint64_t> darkest_pixels() const {
@@ -238,6 +255,13 @@ class Calibrator {
         if (value - std::max(highest, 0.0) > 4 * std::max(highest, 0.0) + 12 * std::sqrt(mean.variance(y, x)))
           mean.variance(y, x) = 1e12;
       }
+    // Nor what lies below the dark parts of the image: no light does that, and with hardly any noise of its
+    // own it would weigh more than the sites.
+    const auto values = mean.electrons.pixels();
+    const double dark = quantile(std::vector<double>(values.begin(), values.end()), 0.1);
+    for (std::size_t i = 0; i < pixels; ++i)
+      if (mean.electrons.pixels()[i] < dark - 12 * std::sqrt(mean.dark_variance.pixels()[i]))
+        mean.variance.pixels()[i] = 1e12;
     return mean;
   }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <optional>
 
@@ -46,6 +47,9 @@ void to_spline(Eigen::ArrayXXd& samples) {
   samples = turned.transpose();
 }
 
+/// Waves, rms. Beyond it no spot is left (a Strehl ratio below 3 %): what asks for more is no wavefront.
+constexpr double widest_wavefront = 0.3;
+
 struct Stamp {
   int left = 0, top = 0, width = 0, height = 0;
   double x = 0, y = 0;
@@ -54,8 +58,13 @@ struct Stamp {
 class Model {
  public:
   /// `changes`: gives the derivatives, which only say where to go and how sure that is: a rough one will do.
-  Model(const MeanImage& mean, const Lattice& start, const PupilImage& image, const PupilImage& changes)
-      : mean_(mean), pupil_image_(image), pupil_changes_(changes), lattice_(start) {}
+  Model(const MeanImage& mean, const Lattice& start, double wavelength_um, const PupilImage& image,
+        const PupilImage& changes)
+      : mean_(mean),
+        wavelength_um_(wavelength_um),
+        pupil_image_(image),
+        pupil_changes_(changes),
+        lattice_(start) {}
 
   int sites() const { return lattice_.sites(); }
   Eigen::Index size() const { return shape_parameters + sites() + 1; }
@@ -105,6 +114,7 @@ class Model {
   Likelihood evaluate(const Eigen::VectorXd& p, bool derivatives, bool linear_only = false,
                       Eigen::ArrayXd* image = nullptr) const {
     const Lattice where = lattice(p);
+    if (!derivatives && wavefront(p) > widest_wavefront * wavelength_um_) return impossible();
     const bool shapes = derivatives && !linear_only;
     FineImage fine = pupil_image_(zernike(p), false);
     if (shapes) fine.by_zernike = pupil_changes_(zernike(p), true).by_zernike;
@@ -124,7 +134,7 @@ class Model {
         Stamp& stamp = stamps[s];
         stamp.x = where.x(i, j);
         stamp.y = where.y(i, j);
-        if (!(std::fabs(stamp.x) < 1e6 && std::fabs(stamp.y) < 1e6)) return {};
+        if (!(std::fabs(stamp.x) < 1e6 && std::fabs(stamp.y) < 1e6)) return impossible();
         stamp.left = std::clamp(static_cast<int>(std::ceil(stamp.x)) - radius, 0, columns);
         stamp.top = std::clamp(static_cast<int>(std::ceil(stamp.y)) - radius, 0, rows);
         stamp.width =
@@ -228,7 +238,19 @@ class Model {
   }
 
  private:
+  /// No step leads there.
+  static Likelihood impossible() {
+    Likelihood out;
+    out.minus_log = std::numeric_limits<double>::infinity();
+    return out;
+  }
+  /// Its rms in um: of terms of unit rms.
+  static double wavefront(const Eigen::VectorXd& p) {
+    return p.segment(lattice_parameters, fitted_zernikes).norm();
+  }
+
   const MeanImage& mean_;
+  double wavelength_um_;
   const PupilImage &pupil_image_, &pupil_changes_;
   Lattice lattice_;
 };
@@ -349,8 +371,8 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   const double wave = optics.wavelength_um;
   MeanImage near = mean;
   const PupilImage rough_pupil(optics, radius, PupilImage::rough), pupil(optics, radius);
-  const Model rough(near, start, rough_pupil, rough_pupil);
-  const Model model(near, start, pupil, rough_pupil);
+  const Model rough(near, start, wave, rough_pupil, rough_pupil);
+  const Model model(near, start, wave, pupil, rough_pupil);
   const auto roughly = [&](const Eigen::VectorXd& p, bool derivatives) {
     return rough.evaluate(p, derivatives);
   };

@@ -62,6 +62,12 @@ Lab true_lab(const Notes& notes) {
   return lab;
 }
 
+double counts_per_electron(const Lab& lab) {
+  return std::visit(
+      [&](const auto& s) { return lab.settings.em_gain / s.readout_modes[0].electrons_per_count; },
+      lab.sensor);
+}
+
 class Calibrate : public testing::TestWithParam<bool> {};
 
 TEST_P(Calibrate, FindsTheLabBehindTheFrames) {
@@ -85,11 +91,6 @@ TEST_P(Calibrate, FindsTheLabBehindTheFrames) {
               5 * (GetParam() ? found.counts.bias_error : found.dark_maps.bias_error));
   EXPECT_NEAR(found.lab.scene.filling, 0.6, 5 * found.atoms.filling_error);
   EXPECT_NEAR(found.lab.scene.survival, 0.94, 5 * found.atoms.survival_error);
-  const auto counts_per_electron = [](const Lab& lab) {
-    return std::visit(
-        [&](const auto& s) { return lab.settings.em_gain / s.readout_modes[0].electrons_per_count; },
-        lab.sensor);
-  };
   EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.04);
   // What the data know of the light is the product with the gain.
   EXPECT_NEAR(found.lab.scene.scattering_rate_hz * counts_per_electron(found.lab) /

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
 #include <optional>
 
@@ -361,6 +362,43 @@ double OpticsFit::mean_site_e() const {
   return std::max(0.0, total) / static_cast<double>(std::max<std::size_t>(1, site_e.size()));
 }
 
+namespace {
+
+/// The even terms enter by their squares and products: a focus with astigmatism may have been taken for a
+/// defocus, from where no step leads back. So the directions that the same rms allows are tried as well.
+MaximumLikelihood best_focus(MaximumLikelihood best, const Model& model,
+                             const std::function<Likelihood(const Eigen::VectorXd&, bool)>& evaluate,
+                             double wavelength_um) {
+  constexpr int first_steps = 5, more_steps = 30, angles = 8;
+  constexpr std::size_t followed = 3;
+  constexpr double clearly = 1;  // better, by the logarithm of the likelihood: another minimum
+  const auto at = [](int term) { return lattice_parameters + term - first_fitted_zernike; };
+  double rms = 0;
+  for (const int term : {3, 4, 5, 10}) rms += best.values(at(term)) * best.values(at(term));
+  rms = std::max(std::sqrt(rms), 0.02 * wavelength_um);
+  std::vector<MaximumLikelihood> starts;
+  for (int k = 0; k < angles; ++k)
+    for (const double spherical : {-0.4, 0.4}) {
+      const double angle = 2 * std::numbers::pi * k / angles;
+      Eigen::VectorXd from = best.values;
+      from(at(3)) = 0.3 * rms;
+      from(at(4)) = 0.85 * rms * std::cos(angle);
+      from(at(5)) = 0.85 * rms * std::sin(angle);
+      from(at(10)) = spherical * rms;
+      model.solve_linear(from);
+      starts.push_back(maximise(from, evaluate, 0.05, first_steps));
+    }
+  std::partial_sort(starts.begin(), starts.begin() + followed, starts.end(),
+                    [](const auto& a, const auto& b) { return a.minus_log < b.minus_log; });
+  for (std::size_t k = 0; k < followed; ++k) {
+    MaximumLikelihood found = maximise(starts[k].values, evaluate, 0.05, more_steps);
+    if (found.minus_log < best.minus_log - clearly) best = std::move(found);
+  }
+  return best;
+}
+
+}  // namespace
+
 OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start,
                      const std::array<double, zernike_terms>* known) {
   const int radius = stamp_radius_px(start);
@@ -395,6 +433,7 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
       first = false;
     }
   best = maximise(best.values, roughly, 0.05, 30);
+  if (!known) best = best_focus(std::move(best), rough, roughly, wave);
   // Light beyond the stamps, by the whole table: taken off the image, then once more.
   OpticsDescription fitted = optics;
   std::optional<PointSpreadFunction> table;

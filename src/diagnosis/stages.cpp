@@ -27,6 +27,10 @@ std::string stage_of_observable(std::string_view observable, bool darks) {
 
 namespace {
 
+bool has(const StatisticDeclaration& one, std::string_view part) {
+  return one.name.find(part) != std::string::npos;
+}
+
 /// The largest deviation of the statistics for which `counts` says so.
 template <class Counts>
 double largest(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
@@ -41,9 +45,7 @@ double largest(const std::vector<StatisticDeclaration>& battery, const Eigen::Ve
 /// the same, so it is the light that flickers while the rows are exposed one after the other.
 bool light_flickers(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, quiet = 4;
-  const auto rows = [](const StatisticDeclaration& one) {
-    return one.name.find(".lines.rows.") != std::string::npos;
-  };
+  const auto rows = [](const StatisticDeclaration& one) { return has(one, ".lines.rows."); };
   return largest(battery, z, [&](const auto& one) { return one.darks && rows(one); }) < quiet &&
          largest(battery, z, [&](const auto& one) { return !one.darks && rows(one); }) >
              std::max(clear, 0.5 * z.cwiseAbs().maxCoeff());
@@ -59,11 +61,10 @@ bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen:
   };
   // What ends at columns or rows is no slope, though it may tilt one.
   const auto lines = [](const StatisticDeclaration& one) {
-    return !one.darks &&
-           (one.name.find(".columns") != std::string::npos || one.name.find(".rows") != std::string::npos);
+    return !one.darks && (has(one, ".columns") || has(one, ".rows"));
   };
   const auto noise = [&](const StatisticDeclaration& one) {
-    return slope(one) && one.name.find(".temporal_maps.") != std::string::npos;
+    return slope(one) && has(one, ".temporal_maps.");
   };
   const auto mean = [&](const StatisticDeclaration& one) {
     return slope(one) && !one.darks && one.observable == "mean_map";
@@ -72,6 +73,29 @@ bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen:
          largest(battery, z, mean) > seen &&
          largest(battery, z, [&](const auto& one) { return !one.darks && noise(one); }) >
              std::max({clear, 0.4 * z.cwiseAbs().maxCoeff(), largest(battery, z, lines)});
+}
+
+/// Frames whose level away from the sites varies, and with it their noise, while that of dark frames does
+/// not: it is light that varies, with its shot noise.
+bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, quiet = 4;
+  const double level = largest(battery, z, [&](const auto& one) {
+    return !one.darks && (has(one, ".frames.level.") || has(one, ".frames.linear_level."));
+  });
+  return level > std::max(clear, 0.4 * z.cwiseAbs().maxCoeff()) &&
+         largest(battery, z, [&](const auto& one) { return !one.darks && has(one, ".frames.noise."); }) >
+             std::max(clear, 0.3 * level) &&
+         largest(battery, z, [&](const auto& one) { return one.darks && has(one, ".frames."); }) < quiet;
+}
+
+/// Charge gathers where no site is, now here and now there, with the shutter open only: atoms that are not in
+/// the traps. Radiation does not mind the shutter.
+bool light_gathers(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, quiet = 4;
+  const auto clusters = [&](bool darks) {
+    return largest(battery, z, [&](const auto& one) { return one.darks == darks && has(one, ".clusters."); });
+  };
+  return clusters(true) < quiet && clusters(false) > std::max(clear, 0.5 * z.cwiseAbs().maxCoeff());
 }
 
 }  // namespace
@@ -92,7 +116,9 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   if (darks > 0.2 * all && darks > 1) return "sensor";
   // Light and dark frames are compared only where there are both.
   const bool both = std::any_of(battery.begin(), battery.end(), [](const auto& one) { return one.darks; });
-  if (both && (light_flickers(battery, z) || light_slopes(battery, z))) return "optics";
+  if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_flashes(battery, z)))
+    return "optics";
+  if (both && light_gathers(battery, z)) return "scene";
   if (!hypotheses.empty()) {
     // The stage of the known effects that come closest, as far as these take anything away.
     double best = 0, share = 0;

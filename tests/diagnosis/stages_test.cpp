@@ -46,6 +46,38 @@ TEST(Stages, NoiseThatSlopesWithTheMeanInLightOnlyIsTheLights) {
   EXPECT_EQ(stage(50, 70, 10, 1, 60), "sensor");  // some columns that are dead
 }
 
+TEST(Stages, FramesWithMoreLightThanOthersAreTheLights) {
+  const std::vector<StatisticDeclaration> frames = {
+      {"light.frames.level.variance", "frame_means", "time", "dark pixels", false},
+      {"light.frames.noise.variance", "frame_means", "time", "dark pixels", false},
+      {"light.neighbours.all.down_2", "vertical_correlation", "space", "all pixels", false},
+      {"dark.frames.level.variance", "frame_means", "time", "dark pixels", true}};
+  const auto stage = [&](double level, double noise, double neighbours, double darks) {
+    Eigen::VectorXd z(4);
+    z << level, noise, neighbours, darks;
+    return stage_of_differences(frames, z, {});
+  };
+  EXPECT_EQ(stage(50, 40, 80, 1), "optics");
+  EXPECT_EQ(stage(50, 1, 80, 1), "sensor");    // an offset has no shot noise
+  EXPECT_EQ(stage(50, 40, 80, 30), "sensor");  // also with the shutter closed
+  EXPECT_EQ(stage(9, 9, 80, 1), "sensor");     // the least part of it
+}
+
+TEST(Stages, ChargeThatGathersInLightOnlyIsAtoms) {
+  const std::vector<StatisticDeclaration> charge = {
+      {"light.clusters.charge", "bright_clusters", "space", "whole frame", false},
+      {"light.neighbours.all.down_2", "vertical_correlation", "space", "all pixels", false},
+      {"dark.clusters.charge", "bright_clusters", "space", "whole frame", true}};
+  const auto stage = [&](double light, double neighbours, double darks) {
+    Eigen::VectorXd z(3);
+    z << light, neighbours, darks;
+    return stage_of_differences(charge, z, {});
+  };
+  EXPECT_EQ(stage(90, 40, 1), "scene");
+  EXPECT_EQ(stage(90, 40, 30), "sensor");  // radiation
+  EXPECT_EQ(stage(20, 60, 1), "sensor");
+}
+
 TEST(Stages, AnEffectSpeaksForItsStageAsFarAsItExplains) {
   Hypothesis one;
   one.effects = {"site_brightness_spread"};

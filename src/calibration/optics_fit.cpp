@@ -94,6 +94,13 @@ class Model {
     p(lattice_parameters + 10 - first_fitted_zernike) = spherical_um;
     return p;
   }
+  Eigen::VectorXd start(const std::array<double, zernike_terms>& zernike_um) const {
+    Eigen::VectorXd p = start(0, 0);
+    for (int k = 0; k < fitted_zernikes; ++k)
+      p(lattice_parameters + k) = zernike_um[static_cast<std::size_t>(k + first_fitted_zernike)];
+    solve_linear(p);
+    return p;
+  }
   /// The sites' brightness and the background that fit best at these shapes.
   void solve_linear(Eigen::VectorXd& p) const {
     Eigen::VectorXd at = p;
@@ -364,37 +371,80 @@ double OpticsFit::mean_site_e() const {
 
 namespace {
 
+/// The middle of a large array, up to some sites each way, and the image around it.
+struct Middle {
+  MeanImage mean;
+  Lattice lattice;
+
+  Middle(const MeanImage& all, const Lattice& whole, int most) : lattice(whole) {
+    lattice.columns = std::min(whole.columns, most);
+    lattice.rows = std::min(whole.rows, most);
+    const int i = (whole.columns - lattice.columns) / 2, j = (whole.rows - lattice.rows) / 2;
+    lattice.origin_x = whole.x(i, j);
+    lattice.origin_y = whole.y(i, j);
+    double low_x = 1e300, low_y = 1e300, high_x = -1e300, high_y = -1e300;
+    for (const double u : {-0.5, lattice.columns - 0.5})
+      for (const double v : {-0.5, lattice.rows - 0.5}) {
+        const double x = lattice.origin_x + u * whole.a_x + v * whole.b_x,
+                     y = lattice.origin_y + u * whole.a_y + v * whole.b_y;
+        low_x = std::min(low_x, x), high_x = std::max(high_x, x);
+        low_y = std::min(low_y, y), high_y = std::max(high_y, y);
+      }
+    const auto pixel = [](double at, int pixels) {
+      return static_cast<int>(std::clamp(at, 0.0, pixels - 1.0));
+    };
+    const int left = pixel(low_x, all.electrons.columns()), right = pixel(high_x, all.electrons.columns());
+    const int top = pixel(low_y, all.electrons.rows()), bottom = pixel(high_y, all.electrons.rows());
+    lattice.origin_x -= left;
+    lattice.origin_y -= top;
+    mean.variance_per_e = all.variance_per_e;
+    for (const auto part : {&MeanImage::electrons, &MeanImage::variance, &MeanImage::dark_variance}) {
+      mean.*part = Image<double, unit::electrons>(Shape{bottom - top + 1, right - left + 1});
+      for (int row = top; row <= bottom; ++row)
+        for (int column = left; column <= right; ++column)
+          (mean.*part)(row - top, column - left) = (all.*part)(row, column);
+    }
+  }
+};
+
 /// The even terms enter by their squares and products: a focus with astigmatism may have been taken for a
-/// defocus, from where no step leads back. So the directions that the same rms allows are tried as well.
-MaximumLikelihood best_focus(MaximumLikelihood best, const Model& model,
-                             const std::function<Likelihood(const Eigen::VectorXd&, bool)>& evaluate,
-                             double wavelength_um) {
+/// defocus, from where no step leads back. So the directions that the same rms allows are tried as well, and
+/// the likeliest followed. `terms`: in um, where a fit has led; those that fit clearly better, or the same.
+std::array<double, zernike_terms> best_focus(const Model& model, std::array<double, zernike_terms> terms,
+                                             double wavelength_um) {
   constexpr int first_steps = 5, more_steps = 30, angles = 8;
   constexpr std::size_t followed = 3;
   constexpr double clearly = 1;  // better, by the logarithm of the likelihood: another minimum
-  const auto at = [](int term) { return lattice_parameters + term - first_fitted_zernike; };
+  const auto evaluate = [&](const Eigen::VectorXd& p, bool derivatives) {
+    return model.evaluate(p, derivatives);
+  };
+  const auto fitted = [&](const std::array<double, zernike_terms>& at, int steps) {
+    return maximise(model.start(at), evaluate, 0.05, steps);
+  };
   double rms = 0;
-  for (const int term : {3, 4, 5, 10}) rms += best.values(at(term)) * best.values(at(term));
+  for (const std::size_t term : {3, 4, 5, 10}) rms += terms[term] * terms[term];
   rms = std::max(std::sqrt(rms), 0.02 * wavelength_um);
-  std::vector<MaximumLikelihood> starts;
+  std::vector<MaximumLikelihood> others;
   for (int k = 0; k < angles; ++k)
     for (const double spherical : {-0.4, 0.4}) {
       const double angle = 2 * std::numbers::pi * k / angles;
-      Eigen::VectorXd from = best.values;
-      from(at(3)) = 0.3 * rms;
-      from(at(4)) = 0.85 * rms * std::cos(angle);
-      from(at(5)) = 0.85 * rms * std::sin(angle);
-      from(at(10)) = spherical * rms;
-      model.solve_linear(from);
-      starts.push_back(maximise(from, evaluate, 0.05, first_steps));
+      std::array<double, zernike_terms> from = terms;
+      from[3] = 0.3 * rms;
+      from[4] = 0.85 * rms * std::cos(angle);
+      from[5] = 0.85 * rms * std::sin(angle);
+      from[10] = spherical * rms;
+      others.push_back(fitted(from, first_steps));
     }
-  std::partial_sort(starts.begin(), starts.begin() + followed, starts.end(),
+  std::partial_sort(others.begin(), others.begin() + followed, others.end(),
                     [](const auto& a, const auto& b) { return a.minus_log < b.minus_log; });
+  double least = fitted(terms, more_steps).minus_log - clearly;
   for (std::size_t k = 0; k < followed; ++k) {
-    MaximumLikelihood found = maximise(starts[k].values, evaluate, 0.05, more_steps);
-    if (found.minus_log < best.minus_log - clearly) best = std::move(found);
+    const MaximumLikelihood found = maximise(others[k].values, evaluate, 0.05, more_steps);
+    if (found.minus_log > least) continue;
+    least = found.minus_log;
+    terms = Model::zernike(found.values);
   }
-  return best;
+  return terms;
 }
 
 }  // namespace
@@ -418,11 +468,7 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
     return model.evaluate(p, derivatives);
   };
   if (known) {
-    Eigen::VectorXd from = rough.start(0, 0);
-    for (int k = 0; k < fitted_zernikes; ++k)
-      from(lattice_parameters + k) = (*known)[k + first_fitted_zernike];
-    rough.solve_linear(from);
-    best = maximise(from, roughly, 0.05, 12);
+    best = maximise(rough.start(*known), roughly, 0.05, 12);
   } else
     for (const auto& [defocus, spherical] :
          {std::pair{0.07, 0.02}, std::pair{0.07, -0.06}, std::pair{0.15, 0.04}, std::pair{0.02, 0.07}}) {
@@ -433,7 +479,21 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
       first = false;
     }
   best = maximise(best.values, roughly, 0.05, 30);
-  if (!known) best = best_focus(std::move(best), rough, roughly, wave);
+  if (!known) {
+    constexpr int most_sites = 10;  // each way: enough to tell directions apart
+    const Middle middle(near, rough.lattice(best.values), most_sites);
+    const auto terms = Model::zernike(best.values);
+    const auto others =
+        best_focus(Model(middle.mean, middle.lattice, wave, rough_pupil, rough_pupil), terms, wave);
+    if (others != terms) {
+      Eigen::VectorXd from = best.values;
+      for (int k = 0; k < fitted_zernikes; ++k)
+        from(lattice_parameters + k) = others[static_cast<std::size_t>(k + first_fitted_zernike)];
+      rough.solve_linear(from);
+      MaximumLikelihood found = maximise(from, roughly, 0.05, 30);
+      if (found.minus_log < best.minus_log) best = std::move(found);
+    }
+  }
   // Light beyond the stamps, by the whole table: taken off the image, then once more.
   OpticsDescription fitted = optics;
   std::optional<PointSpreadFunction> table;

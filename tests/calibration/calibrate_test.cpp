@@ -108,9 +108,48 @@ TEST(Calibrate, TracksOfCosmicRaysAreNoOtherGain) {
   truth.effects["cosmic_rays"] = {50, 1200, 4};
   const FramesInMemory light(render(truth, 0, 250, true)), darks(render(truth, 1000000, 100, false));
   const Calibration found = calibrate(input_of(notes, light, &darks));
-  const double truly =
-      truth.settings.em_gain / std::get<EmccdDescription>(truth.sensor).readout_modes[0].electrons_per_count;
-  EXPECT_NEAR(found.model.counts_per_electron / truly, 1, 0.04);
+  EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.04);
+}
+
+/// What is done to every row of frames after the camera.
+template <class Change>
+std::vector<CountImage> changed(std::vector<CountImage> frames, const Change& change) {
+  for (CountImage& frame : frames)
+    for (int row = 0; row < frame.rows(); ++row) change(frame.row(row));
+  return frames;
+}
+
+// Cameras that no catalogue knows must still calibrate, for the diagnosis to tell what they do. Counts that
+// end at the black level, or that overshoot behind bright pixels, follow no law of dark counts: the fit of
+// their tail leaves for gains beyond belief.
+TEST(Calibrate, LawsBeyondBeliefLeaveTheGainToTheLight) {
+  const Notes notes = rough_notes(true);
+  const Lab truth = true_lab(notes);
+  const double bias = truth.settings.bias_counts;
+  const auto clamped = [&](std::span<std::uint16_t> row) {
+    for (std::uint16_t& counts : row)
+      counts = std::max<std::uint16_t>(counts, static_cast<std::uint16_t>(bias));
+  };
+  const auto undershoot = [&](std::span<std::uint16_t> row) {
+    double behind = 0;
+    for (std::uint16_t& counts : row) {
+      const double own = counts - bias;
+      counts = static_cast<std::uint16_t>(std::clamp(bias + own - behind, 0.0, 65535.0));
+      behind = 0.6 * behind + 0.15 * std::max(0.0, own);
+    }
+  };
+  const auto light = render(truth, 0, 250, true), darks = render(truth, 1000000, 100, false);
+  const auto gain_of = [&](const auto& change) {
+    const FramesInMemory changed_light(changed(light, change)), changed_darks(changed(darks, change));
+    const Calibration found = calibrate(input_of(notes, changed_light, &changed_darks));
+    EXPECT_FALSE(found.warnings.empty());
+    EXPECT_GT(found.lab.scene.scattering_rate_hz, 0.3 * truth.scene.scattering_rate_hz);
+    return found.model.counts_per_electron / counts_per_electron(truth);
+  };
+  EXPECT_NEAR(gain_of(clamped), 1, 0.2);
+  const double with_undershoot = gain_of(undershoot);
+  EXPECT_GT(with_undershoot, 0.4);
+  EXPECT_LT(with_undershoot, 2.5);
 }
 
 TEST(CalibrateErrors, SayWhatIsWrong) {

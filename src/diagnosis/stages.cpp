@@ -89,13 +89,14 @@ bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen
 }
 
 /// Charge gathers where no site is, now here and now there, with the shutter open only: atoms that are not in
-/// the traps. Radiation does not mind the shutter.
+/// the traps. Radiation does not mind the shutter; beside an image that moves the sites' own light gathers.
 bool light_gathers(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, quiet = 4;
   const auto clusters = [&](bool darks) {
     return largest(battery, z, [&](const auto& one) { return one.darks == darks && has(one, ".clusters."); });
   };
-  return clusters(true) < quiet && clusters(false) > std::max(clear, 0.5 * z.cwiseAbs().maxCoeff());
+  return clusters(true) < quiet && clusters(false) > std::max(clear, 0.5 * z.cwiseAbs().maxCoeff()) &&
+         largest(battery, z, [](const auto& one) { return has(one, ".position."); }) < clear;
 }
 
 }  // namespace

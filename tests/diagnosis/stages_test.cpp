@@ -67,15 +67,17 @@ TEST(Stages, ChargeThatGathersInLightOnlyIsAtoms) {
   const std::vector<StatisticDeclaration> charge = {
       {"light.clusters.charge", "bright_clusters", "space", "whole frame", false},
       {"light.neighbours.all.down_2", "vertical_correlation", "space", "all pixels", false},
-      {"dark.clusters.charge", "bright_clusters", "space", "whole frame", true}};
-  const auto stage = [&](double light, double neighbours, double darks) {
-    Eigen::VectorXd z(3);
-    z << light, neighbours, darks;
+      {"dark.clusters.charge", "bright_clusters", "space", "whole frame", true},
+      {"light.position.x.variance", "centroid_series", "time", "all sites", false}};
+  const auto stage = [&](double light, double neighbours, double darks, double position = 0) {
+    Eigen::VectorXd z(4);
+    z << light, neighbours, darks, position;
     return stage_of_differences(charge, z, {});
   };
   EXPECT_EQ(stage(90, 40, 1), "scene");
   EXPECT_EQ(stage(90, 40, 30), "sensor");  // radiation
   EXPECT_EQ(stage(20, 60, 1), "sensor");
+  EXPECT_NE(stage(90, 40, 1, 50), "scene");  // an image that moves
 }
 
 TEST(Stages, AnEffectSpeaksForItsStageAsFarAsItExplains) {

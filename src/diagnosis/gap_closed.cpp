@@ -84,9 +84,16 @@ double closed_by(const Model& model, const Model& plain, const std::vector<Stati
 }
 
 Eigen::VectorXd fitted_to_first_part(const Model& model, const BatteryValues& real) {
-  return model.estimator(Part::fitting)
-      .drawn_out(as_vector(real.part[0]), model.first_effect_parameter)
-      .value;
+  constexpr double straight = 3;  // widths of the draws: farther out the statistics are not known
+  Eigen::VectorXd value =
+      model.estimator(Part::fitting).drawn_out(as_vector(real.part[0]), model.first_effect_parameter).value;
+  // Half of the frames may say nothing about a parameter; what moves an estimate out then throws it far off.
+  for (Eigen::Index k = model.first_effect_parameter; k < value.size(); ++k) {
+    const Uncertain& one = model.open[static_cast<std::size_t>(k)];
+    value(k) = std::clamp(value(k), std::max(one.lowest, one.centre - straight * one.width),
+                          std::min(one.highest, one.centre + straight * one.width));
+  }
+  return value;
 }
 
 GapClosed gap_closed(const Model& found, const Model& plain, const BatteryValues& real,

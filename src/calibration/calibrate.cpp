@@ -373,10 +373,18 @@ class Calibrator {
     const std::size_t pixels = light_.sum.pixels().size();
     const bool own_noise = !emccd() && input_.darks;  // of every pixel, from the dark frames
     if (own_noise) ground.dark_frames = dark_.frames;
+    // The frames' photon transfer leaves out what whole frames have in common; so do the darks' figures.
+    double drift = 0;
+    if (input_.darks) {
+      double due = 0;
+      for (std::size_t i = 0; i < pixels; ++i) due += dark_.variance(i);
+      const double all = static_cast<double>(pixels);
+      drift = drift_variance(dark_.frame_mean, due / (all * all));
+    }
     for (std::size_t i = 0; i < pixels; ++i) {
       ground.dark_counts.push_back(dark_level(i));
-      ground.dark_variance_e2.push_back((own_noise ? dark_.variance(i) : noise_ * noise_ + 1.0 / 12) /
-                                            (k * k) +
+      const double variance = own_noise ? dark_.variance(i) : noise_ * noise_ + 1.0 / 12;
+      ground.dark_variance_e2.push_back(std::max(0.0, variance - drift) / (k * k) +
                                         (emccd() ? excess() * dark_e_ : 0));
     }
     ground.odd = odd_pixels();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "base/quantile.hpp"
 #include "calibration/site_light.hpp"
@@ -57,6 +58,20 @@ std::vector<double> rest_variance(const StackModel& model, const std::vector<dou
   return rest;
 }
 
+}  // namespace
+
+double drift_variance(const std::vector<double>& frames, double due) {
+  constexpr double clear = 8;  // standard deviations
+  const double n = static_cast<double>(frames.size());
+  if (n < 8) return 0;
+  const double mean = std::accumulate(frames.begin(), frames.end(), 0.0) / n;
+  double variance = 0;
+  for (const double value : frames) variance += (value - mean) * (value - mean) / (n - 1);
+  return variance > due * (1 + clear * std::sqrt(2 / (n - 1))) ? variance - due : 0;
+}
+
+namespace {
+
 constexpr int blocks = 8;  // of frames, interleaved, for the error of the photon transfer
 
 /// Frames of such a block.
@@ -70,6 +85,7 @@ struct Sums {
   std::vector<std::vector<double>> squares;  // [block, pixel] of the rest
   std::vector<double> block_light;           // of all sites
   std::vector<double> block_rest;            // of the used pixels
+  std::vector<double> frame_rest;            // of the used pixels, of every frame
 };
 
 std::vector<std::uint8_t> pixels_with_less_light(const StackModel& model,
@@ -135,16 +151,35 @@ Sums sum_up(const FrameSequence& frames, const StackModel& model, const std::vec
       }
     }
     const std::size_t block = visited++ % blocks;
+    double whole_rest = 0;
     for (std::size_t s = 0; s < sites; ++s)
       sums.block_light[block] += static_cast<double>(brightness[first + s]);
     for (std::size_t i = 0; i < pixels; ++i) {
       if (used[i] && rest[i] > struck[i]) continue;
       sums.rest[i] += rest[i];
-      if (used[i]) sums.block_rest[block] += rest[i];
+      if (used[i]) sums.block_rest[block] += rest[i], whole_rest += rest[i];
       sums.squares[block][i] += rest[i] * rest[i];
     }
+    sums.frame_rest.push_back(whole_rest);
   });
   return sums;
+}
+
+/// Variance of the used pixels together that they have because whole frames are brighter or darker: a bias
+/// that drifts, light that flickers. It is no noise of single electrons.
+double common_of_all(const Sums& sums, const std::vector<std::uint8_t>& used, double frames) {
+  double pixels = 0, variance = 0;
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    if (!used[i]) continue;
+    double squares = 0;
+    for (const auto& block : sums.squares) squares += block[i];
+    variance += (squares - sums.rest[i] * sums.rest[i] / frames) / (frames - 1);
+    ++pixels;
+  }
+  if (!(pixels > 0)) return 0;
+  // Of the sum over the pixels of a frame; of pixels that know nothing of each other it is the variances'
+  // sum.
+  return drift_variance(sums.frame_rest, variance) / pixels;
 }
 
 /// Variance of every site's light from frame to frame.
@@ -200,6 +235,7 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
   if (from_all > 0) signal *= 1 + all_rest / from_all;
   std::vector<double> by_block;
   double mean = 0, spread = 0;
+  const double common = common_of_all(sums, used, n);
   for (int block = 0; block < blocks; ++block) {
     const auto b = static_cast<std::size_t>(block);
     const double own = frames_of(block, n);
@@ -208,6 +244,7 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
       const double m = sums.rest[i] / n;
       if (used[i]) variance += (sums.squares[b][i] / own - m * m) * n / (n - 1);
     }
+    variance -= common;
     const double sites_more = all_light > 0 ? from_sites * (sums.block_light[b] / own / all_light - 1) : 0;
     const double more =
         from_all > 0 ? (sites_more + sums.block_rest[b] / own - all_rest) / (from_all + all_rest) : 0;

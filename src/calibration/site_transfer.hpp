@@ -29,6 +29,10 @@ struct SiteTransfer {
   double variance_per_e = 0, error = 0;
 };
 
+/// Variance that a figure of whole frames has beyond the `due` one of their pixels' own noise; 0 unless it is
+/// clear that there is more.
+double drift_variance(const std::vector<double>& frames, double due);
+
 /// `model`: of the frames, with the figures of `ground`; `point_spread`: that of its images.
 SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
                            const PointSpreadFunction& point_spread, const TransferGround& ground);

@@ -227,6 +227,7 @@ void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& pla
       if (one.width <= 0) continue;
       double moved = one.centre + step.delta(at);
       if (at < from) {
+        moved = std::clamp(moved, -one.farthest, one.farthest);
         one.lowest = moved - 5 * one.width;
         one.highest = moved + 5 * one.width;
         one.centre = moved;

@@ -247,7 +247,7 @@ void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std
     // Calibration may answer weakly to a parameter: steps that keep their sign are summed up at once
     // (Aitken).
     if (std::fabs(shift) > 2 * one.width && one.steady >= 2) shift /= 1 - std::min(ratio, 0.6);
-    one.centre += shift;
+    one.centre = std::clamp(one.centre + shift, -one.farthest, one.farthest);
     one.lowest = one.centre - 5 * one.width;
     one.highest = one.centre + 5 * one.width;
   }

@@ -19,6 +19,7 @@ Uncertain relative(std::string name, double width, std::function<void(Lab&, doub
           .width = width,
           .lowest = -5 * width,
           .highest = 5 * width,
+          .farthest = 3,  // a factor of twenty
           .apply = [scale](Lab& lab, double c) { scale(lab, std::exp(c)); },
           .value = [](double c) { return std::exp(c); },
           .offset =

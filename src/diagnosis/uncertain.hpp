@@ -20,8 +20,9 @@ struct Uncertain {
   double width = 0;        // 1 sigma of the draws, coordinate
   double lowest = -1e300;  // bounds of the coordinate
   double highest = 1e300;
-  double usual = 0;  // an effect's default, coordinate
-  double cycle = 0;  // > 0: an angle, in units of the coordinate
+  double farthest = 1e300;  // from where calibration has it (zero): no recalibration leads beyond
+  double usual = 0;         // an effect's default, coordinate
+  double cycle = 0;         // > 0: an angle, in units of the coordinate
   /// Drawn for a group of stacks at once: making a point-spread function takes longer than simulating a
   /// stack.
   bool shared = false;

@@ -111,6 +111,17 @@ TEST(Calibrate, TracksOfCosmicRaysAreNoOtherGain) {
   EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.04);
 }
 
+// What whole frames have in common is no noise of single electrons.
+TEST(Calibrate, LevelsThatWanderAreNoOtherGain) {
+  const Notes notes = rough_notes(false);
+  Lab truth = true_lab(notes);
+  const FramesInMemory darks(render(truth, 1000000, 100, false));
+  truth.effects["bias_drift"] = {0.01, 100, 3};
+  const FramesInMemory light(render(truth, 0, 250, true));
+  const Calibration found = calibrate(input_of(notes, light, &darks));
+  EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.05);
+}
+
 /// What is done to every row of frames after the camera.
 template <class Change>
 std::vector<CountImage> changed(std::vector<CountImage> frames, const Change& change) {

@@ -122,7 +122,8 @@ class Model {
   Likelihood evaluate(const Eigen::VectorXd& p, bool derivatives, bool linear_only = false,
                       Eigen::ArrayXd* image = nullptr) const {
     const Lattice where = lattice(p);
-    if (!derivatives && wavefront(p) > widest_wavefront * wavelength_um_) return impossible();
+    const bool step = !derivatives && !image;
+    if (step && wavefront(p) > widest_wavefront * wavelength_um_) return impossible();
     const bool shapes = derivatives && !linear_only;
     FineImage fine = pupil_image_(zernike(p), false);
     if (shapes) fine.by_zernike = pupil_changes_(zernike(p), true).by_zernike;

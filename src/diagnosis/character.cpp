@@ -8,16 +8,14 @@
 #include <map>
 #include <string_view>
 
+#include "diagnosis/deviations.hpp"
+
 namespace atomcam {
 namespace {
 
 constexpr double clear = 5;       // standard deviations, of what is told
 constexpr double much_more = 2;   // one against the other
 constexpr double in_darks = 0.2;  // of the largest deviation: the shutter makes little difference
-
-bool has(const StatisticDeclaration& one, std::string_view part) {
-  return one.name.find(part) != std::string::npos;
-}
 
 /// Seen in the mean of all frames.
 bool is_static(const StatisticDeclaration& one) {
@@ -38,30 +36,14 @@ bool follows_light(const StatisticDeclaration& one) {
          has(one, ".neighbours.all.");
 }
 
-class Largest {
- public:
-  Largest(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z)
-      : battery_(battery), z_(z) {}
-
-  template <class Counts>
-  double of(const Counts& counts) const {
-    double most = 0;
-    for (std::size_t k = 0; k < battery_.size(); ++k)
-      if (counts(battery_[k])) most = std::max(most, std::fabs(z_(static_cast<Eigen::Index>(k))));
-    return most;
-  }
-
- private:
-  const std::vector<StatisticDeclaration>& battery_;
-  const Eigen::VectorXd& z_;
-};
-
-std::string action_of(const Largest& largest) {
-  const double all = largest.of([](const auto&) { return true; });
-  const double closed = largest.of([](const auto& one) { return one.darks; });
+std::string action_of(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  const double all = z.cwiseAbs().maxCoeff();
+  const double closed = largest(battery, z, [](const auto& one) { return one.darks; });
   if (closed > std::max(clear, in_darks * all)) return "additive";
-  const double with_light = largest.of([](const auto& one) { return !one.darks && follows_light(one); });
-  const double without = largest.of([](const auto& one) { return !one.darks && !follows_light(one); });
+  const double with_light =
+      largest(battery, z, [](const auto& one) { return !one.darks && follows_light(one); });
+  const double without =
+      largest(battery, z, [](const auto& one) { return !one.darks && !follows_light(one); });
   if (with_light > std::max(clear, without)) return "multiplicative";
   if (without > std::max(clear, much_more * with_light)) return "additive";
   return "";
@@ -70,7 +52,6 @@ std::string action_of(const Largest& largest) {
 }  // namespace
 
 Character character_of(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  const Largest largest(battery, z);
   Character character;
 
   std::map<std::string, double> axes;
@@ -82,16 +63,15 @@ Character character_of(const std::vector<StatisticDeclaration>& battery, const E
                        return a.second < b.second;
                      })->first;
 
-  const double still = largest.of(is_static), moving = largest.of(is_changing);
+  const double still = largest(battery, z, is_static), moving = largest(battery, z, is_changing);
   if (std::max(still, moving) > clear)
     character.change = still > much_more * moving   ? "static"
                        : moving > much_more * still ? "changing"
                                                     : "static and changing";
-  character.action = action_of(largest);
+  character.action = action_of(battery, z);
 
   // A period is told if its own line of the spectrum stands out of all that is odd.
-  const double all = largest.of([](const auto&) { return true; });
-  double most = std::max(clear, all / much_more);
+  double most = std::max(clear, z.cwiseAbs().maxCoeff() / much_more);
   for (std::size_t k = 0; k < battery.size(); ++k) {
     const StatisticDeclaration& one = battery[k];
     const double size = std::fabs(z(static_cast<Eigen::Index>(k)));

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <set>
 
+#include "diagnosis/deviations.hpp"
 #include "diagnosis/uncertain.hpp"
 
 namespace atomcam {
@@ -26,20 +27,6 @@ std::string stage_of_observable(std::string_view observable, bool darks) {
 }
 
 namespace {
-
-bool has(const StatisticDeclaration& one, std::string_view part) {
-  return one.name.find(part) != std::string::npos;
-}
-
-/// The largest deviation of the statistics for which `counts` says so.
-template <class Counts>
-double largest(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
-               const Counts& counts) {
-  double most = 0;
-  for (std::size_t k = 0; k < battery.size(); ++k)
-    if (counts(battery[k])) most = std::max(most, std::fabs(z(static_cast<Eigen::Index>(k))));
-  return most;
-}
 
 /// Rows that vary from frame to frame with the shutter open but not with it closed: what reads them out is
 /// the same, so it is the light that flickers while the rows are exposed one after the other.

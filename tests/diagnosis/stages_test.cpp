@@ -53,9 +53,7 @@ TEST(Stages, FramesWithMoreLightThanOthersAreTheLights) {
       {"light.neighbours.all.down_2", "vertical_correlation", "space", "all pixels", false},
       {"dark.frames.level.variance", "frame_means", "time", "dark pixels", true}};
   const auto stage = [&](double level, double noise, double neighbours, double darks) {
-    Eigen::VectorXd z(4);
-    z << level, noise, neighbours, darks;
-    return stage_of_differences(frames, z, {});
+    return stage_of_differences(frames, Eigen::Vector4d(level, noise, neighbours, darks), {});
   };
   EXPECT_EQ(stage(50, 40, 80, 1), "optics");
   EXPECT_EQ(stage(50, 1, 80, 1), "sensor");    // an offset has no shot noise
@@ -70,9 +68,7 @@ TEST(Stages, ChargeThatGathersInLightOnlyIsAtoms) {
       {"dark.clusters.charge", "bright_clusters", "space", "whole frame", true},
       {"light.position.x.variance", "centroid_series", "time", "all sites", false}};
   const auto stage = [&](double light, double neighbours, double darks, double position = 0) {
-    Eigen::VectorXd z(4);
-    z << light, neighbours, darks, position;
-    return stage_of_differences(charge, z, {});
+    return stage_of_differences(charge, Eigen::Vector4d(light, neighbours, darks, position), {});
   };
   EXPECT_EQ(stage(90, 40, 1), "scene");
   EXPECT_EQ(stage(90, 40, 30), "sensor");  // radiation

@@ -95,7 +95,10 @@ class Model {
     return p;
   }
   Eigen::VectorXd start(const std::array<double, zernike_terms>& zernike_um) const {
-    Eigen::VectorXd p = start(0, 0);
+    return with(start(0, 0), zernike_um);
+  }
+  /// The same lattice with these terms, and the light that fits best.
+  Eigen::VectorXd with(Eigen::VectorXd p, const std::array<double, zernike_terms>& zernike_um) const {
     for (int k = 0; k < fitted_zernikes; ++k)
       p(lattice_parameters + k) = zernike_um[static_cast<std::size_t>(k + first_fitted_zernike)];
     solve_linear(p);
@@ -487,11 +490,7 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
     const auto others =
         best_focus(Model(middle.mean, middle.lattice, wave, rough_pupil, rough_pupil), terms, wave);
     if (others != terms) {
-      Eigen::VectorXd from = best.values;
-      for (int k = 0; k < fitted_zernikes; ++k)
-        from(lattice_parameters + k) = others[static_cast<std::size_t>(k + first_fitted_zernike)];
-      rough.solve_linear(from);
-      MaximumLikelihood found = maximise(from, roughly, 0.05, 30);
+      MaximumLikelihood found = maximise(rough.with(best.values, others), roughly, 0.05, 30);
       if (found.minus_log < best.minus_log) best = std::move(found);
     }
   }

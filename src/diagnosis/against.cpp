@@ -158,7 +158,7 @@ class Comparison {
     GapClosed& gap = result_.gap;
     gap.metric = "mean square of the 12 largest differences of the battery between the two stacks";
     gap.before = gap.after = gap_of(z);
-    gap.floor = Floor(standard).at(0.5);
+    gap.floor = Floor(standard.own()).at(0.5);
     result_.where = ranked_differences(declarations, z, z);
     if (result_.p_gap >= gap_level) {
       result_.verdict = Verdict::no_gap;

@@ -38,8 +38,9 @@ class Race {
     sort();
     std::set<std::vector<std::string>> seen;
     std::erase_if(contenders_, [&](const Contender& one) { return !seen.insert(one.model.effects).second; });
-    std::erase_if(contenders_,
-                  [&](const Contender& one) { return !(one.model.distance < worthwhile * alone); });
+    // Where the simpler one is near already, the distance hardly tells: most statistics know of neither.
+    const double least = alone < like_own ? alone : worthwhile * alone;
+    std::erase_if(contenders_, [&](const Contender& one) { return !(one.model.distance < least); });
     if (contenders_.size() > most_followed) contenders_.resize(most_followed);
   }
 

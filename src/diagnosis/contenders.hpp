@@ -12,8 +12,7 @@
 
 namespace atomcam {
 
-inline constexpr double like_own = 1.1;       // distance of a fit about as near as the model's own stacks
-inline constexpr double least_to_pass = 0.6;  // of the gap, for a model that the frames are not odd under
+inline constexpr double like_own = 1.1;  // distance of a fit about as near as the model's own stacks
 
 /// A model that may be the explanation, from one start.
 struct Contender {

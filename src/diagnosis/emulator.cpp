@@ -9,10 +9,10 @@ namespace atomcam {
 namespace {
 
 constexpr int anchors = 5;  // stacks without the effect
-constexpr int noise_groups = 8;
+constexpr std::size_t noise_groups = 8;
 
-double noise_of_group(int group) {
-  return 2e-4 * std::pow(5.0, group);  // relative to the signal's variance: 2e-4 ... 16
+double noise_of_group(std::size_t group) {
+  return 2e-4 * std::pow(5.0, static_cast<double>(group));  // relative to the signal's variance: 2e-4 ... 16
 }
 
 }  // namespace
@@ -55,20 +55,16 @@ Emulator::Emulator(std::vector<Uncertain> open, const Eigen::MatrixXd& draws, co
   const auto all = static_cast<Eigen::Index>(points_.size());
   Eigen::MatrixXd targets = Eigen::MatrixXd::Zero(all, p);
   targets.topRows(n) = values;
-  amplitude_.resize(p);
-  group_.resize(static_cast<std::size_t>(p));
+  std::vector<std::size_t> group(static_cast<std::size_t>(p));  // of each statistic, by its noise
   for (Eigen::Index i = 0; i < p; ++i) {
     // Most statistics do not know of the effect: what the stacks' own scatter makes by chance is no response.
     const double power = targets.col(i).squaredNorm() / static_cast<double>(n);
-    const double by_chance = 1.5 * std::sqrt(2 / static_cast<double>(n));
-    amplitude_(i) = std::max(0.01, power - 1 - by_chance);
-    const double noise = 1 / amplitude_(i);
-    int group = 0;
-    while (group < noise_groups - 1 && noise_of_group(group) < noise) ++group;
-    group_[static_cast<std::size_t>(i)] = group;
+    const double noise = 1 / std::max(0.01, power - 1 - 1.5 * std::sqrt(2 / static_cast<double>(n)));
+    std::size_t& own = group[static_cast<std::size_t>(i)];
+    while (own < noise_groups - 1 && noise_of_group(own) < noise) ++own;
   }
   // Length scales by the leave-one-out errors of the statistics that respond.
-  double best = std::numeric_limits<double>::infinity();
+  double best = std::numeric_limits<double>::infinity(), best_strength = 0, best_shape = 0;
   for (const double strength : {0.1, 0.2, 0.4})
     for (const double shape : {0.3, 0.8, 2.5}) {
       strength_length_ = strength;
@@ -79,33 +75,38 @@ Emulator::Emulator(std::vector<Uncertain> open, const Eigen::MatrixXd& draws, co
           gram(a, b) = gram(b, a) =
               kernel(points_[static_cast<std::size_t>(a)], points_[static_cast<std::size_t>(b)]);
       std::vector<Eigen::MatrixXd> inverse;
-      for (int g = 0; g < noise_groups; ++g) {
+      for (std::size_t g = 0; g < noise_groups; ++g) {
         Eigen::MatrixXd noisy = gram;
         noisy.diagonal().array() += noise_of_group(g);
         inverse.push_back(noisy.ldlt().solve(Eigen::MatrixXd::Identity(all, all)));
       }
-      Eigen::MatrixXd weights(all, p);
-      double error = 0;
+      Eigen::MatrixXd weights(all, p), missed(n, p);
       for (Eigen::Index i = 0; i < p; ++i) {
-        const Eigen::MatrixXd& inv = inverse[static_cast<std::size_t>(group_[static_cast<std::size_t>(i)])];
+        const Eigen::MatrixXd& inv = inverse[group[static_cast<std::size_t>(i)]];
         weights.col(i) = inv * targets.col(i);
-        for (Eigen::Index k = 0; k < n; ++k) {
-          const double miss = weights(k, i) / inv(k, k);
-          error += std::log1p(miss * miss / 4);
-        }
+        missed.col(i) = (weights.col(i).head(n).array() / inv.diagonal().head(n).array()).square();
       }
-      if (error < best) {
-        best = error;
-        inverse_ = std::move(inverse);
-        weights_ = std::move(weights);
-      } else {
-        continue;
-      }
-      chosen_strength_ = strength;
-      chosen_shape_ = shape;
+      const double error = (missed.array() / 4).log1p().sum();
+      if (error >= best) continue;
+      best = error;
+      best_strength = strength;
+      best_shape = shape;
+      weights_ = std::move(weights);
+      missed_ = std::move(missed);
     }
-  strength_length_ = chosen_strength_;
-  shape_length_ = chosen_shape_;
+  strength_length_ = best_strength;
+  shape_length_ = best_shape;
+}
+
+Eigen::VectorXd Emulator::variance_at(double strength) const {
+  constexpr double reach = 0.1;  // of the range of strengths: stacks that are about as strong
+  constexpr double without = 2;  // stacks without scatter beyond the usual that count beside them
+  Eigen::VectorXd near(missed_.rows());
+  for (Eigen::Index k = 0; k < near.size(); ++k)
+    near(k) = std::exp(-0.5 * std::pow((points_[static_cast<std::size_t>(k)](0) - strength) / reach, 2));
+  const double count = near.sum() + without;
+  const double by_chance = std::sqrt(2 / count);
+  return (((missed_.transpose() * near).array() + without) / count - 1 - by_chance).max(0.0);
 }
 
 Emulator::Prediction Emulator::operator()(const Eigen::VectorXd& coordinates) const {
@@ -115,12 +116,7 @@ Emulator::Prediction Emulator::operator()(const Eigen::VectorXd& coordinates) co
     near(static_cast<Eigen::Index>(k)) = kernel(at, points_[k]);
   Prediction prediction;
   prediction.mean = weights_.transpose() * near;
-  Eigen::VectorXd left(noise_groups);
-  for (int g = 0; g < noise_groups; ++g)
-    left(g) = std::max(0.0, 1 - near.dot(inverse_[static_cast<std::size_t>(g)] * near));
-  prediction.variance.resize(prediction.mean.size());
-  for (Eigen::Index i = 0; i < prediction.mean.size(); ++i)
-    prediction.variance(i) = amplitude_(i) * left(group_[static_cast<std::size_t>(i)]);
+  prediction.variance = variance_at(at(0));
   return prediction;
 }
 

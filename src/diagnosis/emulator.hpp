@@ -1,6 +1,7 @@
 #pragma once
 // What an effect does to the battery as a function of its parameters, learned from some tens of simulated
-// stacks: a Gaussian process per statistic with common length scales.
+// stacks: a Gaussian process per statistic with common length scales, and about it the scatter that those
+// stacks show.
 
 #include <Eigen/Dense>
 #include <vector>
@@ -16,7 +17,11 @@ class Emulator {
   Emulator(std::vector<Uncertain> open, const Eigen::MatrixXd& draws, const Eigen::MatrixXd& values);
 
   struct Prediction {
-    Eigen::VectorXd mean, variance;  // variance: of the prediction, without a stack's own noise
+    Eigen::VectorXd mean;
+    /// By which stacks of about this strength scatter about what the others foretell of them, beyond the
+    /// scatter that stacks without the effect have (1): the emulator may be wrong there, or the effect comes
+    /// out differently every time.
+    Eigen::VectorXd variance;
   };
   Prediction operator()(const Eigen::VectorXd& coordinates) const;
   const std::vector<Uncertain>& open() const { return open_; }
@@ -24,15 +29,13 @@ class Emulator {
  private:
   Eigen::VectorXd features(const Eigen::VectorXd& coordinates) const;
   double kernel(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
+  Eigen::VectorXd variance_at(double strength) const;
 
   std::vector<Uncertain> open_;
   double strength_length_ = 0.3, shape_length_ = 1;
-  double chosen_strength_ = 0.3, chosen_shape_ = 1;
   std::vector<Eigen::VectorXd> points_;
-  Eigen::VectorXd amplitude_;             // variance of each statistic over the draws
-  std::vector<int> group_;                // of each statistic, by its noise
-  std::vector<Eigen::MatrixXd> inverse_;  // per group
-  Eigen::MatrixXd weights_;               // [point, statistic]
+  Eigen::MatrixXd weights_;  // [point, statistic]
+  Eigen::MatrixXd missed_;   // [stack, statistic] squares of leave-one-out errors
 };
 
 }  // namespace atomcam

@@ -25,9 +25,9 @@ double gap_of(const Eigen::VectorXd& z) {
   return sum / static_cast<double>(count);
 }
 
-Floor::Floor(const Standard& standard, const Eigen::VectorXd& units) {
-  for (Eigen::Index n = 0; n < standard.own().rows(); ++n) {
-    const Eigen::VectorXd z = standard.own().row(n).transpose();
+Floor::Floor(const Eigen::MatrixXd& own, const Eigen::VectorXd& units) {
+  for (Eigen::Index n = 0; n < own.rows(); ++n) {
+    const Eigen::VectorXd z = own.row(n).transpose();
     sorted_.push_back(gap_of(units.size() ? Eigen::VectorXd(z.cwiseProduct(units)) : z));
   }
   std::sort(sorted_.begin(), sorted_.end());

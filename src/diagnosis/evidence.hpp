@@ -19,8 +19,9 @@ double gap_of(const Eigen::VectorXd& z);
 /// The gap of a model's own stacks, from small to large.
 class Floor {
  public:
-  /// `units`: by which every statistic's z is multiplied first; empty: by nothing.
-  explicit Floor(const Standard& standard, const Eigen::VectorXd& units = {});
+  /// `own`: deviations of the model's own stacks, a row each. `units`: by which every statistic's z is
+  /// multiplied first; empty: by nothing.
+  explicit Floor(const Eigen::MatrixXd& own, const Eigen::VectorXd& units = {});
   double at(double quantile) const;
 
  private:

@@ -6,7 +6,53 @@
 namespace atomcam {
 namespace {
 
-/// Held-out frames, judged by the plain model and by that with the effects, in common units.
+/// Half of the frames may say nothing about a parameter of the effects; what moves an estimate out then
+/// throws it far off. `values`: of the effects' parameters.
+Eigen::VectorXd within_draws(const Model& model, Eigen::VectorXd values) {
+  constexpr double straight = 3;  // widths of the draws: farther out the statistics are not known
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    const Uncertain& one = model.open[static_cast<std::size_t>(model.first_effect_parameter + k)];
+    values(k) = std::clamp(values(k), std::max(one.lowest, one.centre - straight * one.width),
+                           std::min(one.highest, one.centre + straight * one.width));
+  }
+  return values;
+}
+
+Eigen::VectorXd own_units(const Standard& model) {
+  return (model.deviation().array() > 0).cast<double>();
+}
+
+/// Over all frames; before, after and floor in these units.
+double closed_in(const Eigen::VectorXd& units_before, const Eigen::VectorXd& units_after, const Model& model,
+                 const Model& plain) {
+  const double before = gap_of(plain.z.cwiseProduct(units_before));
+  const double after = gap_of(model.z.cwiseProduct(units_after));
+  const double floor = Floor(model.standard->own(), units_after).at(0.5);
+  return before > floor ? 1 - std::max(0.0, after - floor) / (before - floor) : 0;
+}
+
+/// Closed over all frames, and whether each model counts in its own units.
+struct ClosedByAll {
+  double closed = 0;
+  bool in_own_units = false;
+};
+ClosedByAll closed_by_all(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
+  constexpr double least_evidence = 24;  // logarithm, beyond the plain model's
+  constexpr double least_share = 0.15;   // of what the frames are less likely than the plain model's own
+  const double closed =
+      closed_in(in_larger_units(*plain.standard, *model.standard).cwiseProduct(mask),
+                in_larger_units(*model.standard, *plain.standard).cwiseProduct(mask), model, plain);
+  const double evidence = model.log_likelihood - plain.log_likelihood;
+  const double missing = plain.usual_log_likelihood - plain.log_likelihood;
+  if (closed > least_to_pass || model.p_value < reject_level ||
+      evidence < std::max(least_evidence, least_share * missing))
+    return {closed, false};
+  return {closed_in(own_units(*plain.standard).cwiseProduct(mask),
+                    own_units(*model.standard).cwiseProduct(mask), model, plain),
+          true};
+}
+
+/// Held-out frames, judged by the plain model and by that with the effects.
 class HeldOut {
  public:
   HeldOut(const Model& found, const Model& plain, const BatteryValues& real,
@@ -15,11 +61,14 @@ class HeldOut {
         before_(plain.population, Part::held_out),
         after_(found.population, Part::held_out, effects_of(found),
                found.explains.empty() ? Eigen::VectorXd() : found.standard->discrepancy(), effects_reach),
-        units_(in_larger_units(after_, before_)) {
+        in_own_units_(closed_by_all(found, plain, only_of(found.explains, battery)).in_own_units),
+        units_(in_own_units_ ? own_units(after_) : in_larger_units(after_, before_)),
+        own_(as_fitted(found)) {
     const Eigen::VectorXd statistics = as_vector(real.part[1]);
     const Eigen::VectorXd values =
         fitted_to_first_part(found, real).tail(std::ssize(found.open) - found.first_effect_parameter);
-    z_before_ = before_.judge(statistics).cwiseProduct(in_larger_units(before_, after_));
+    z_before_ = before_.judge(statistics)
+                    .cwiseProduct(in_own_units_ ? own_units(before_) : in_larger_units(before_, after_));
     z_after_ = after_.judge(statistics, values).cwiseProduct(units_);
   }
 
@@ -28,7 +77,7 @@ class HeldOut {
   };
   Closing closing(const std::vector<std::string>& observables) const {
     const Eigen::VectorXd mask = only_of(observables, battery_);
-    const Floor floor(after_, units_.cwiseProduct(mask));
+    const Floor floor(own_, units_.cwiseProduct(mask));
     Closing one;
     one.before = gap_of(z_before_.cwiseProduct(mask));
     one.after = gap_of(z_after_.cwiseProduct(mask));
@@ -51,9 +100,33 @@ class HeldOut {
     return list;
   }
 
+  /// The model's own stacks, judged as the real one is: by what half of the frames says of the effects, not
+  /// by what they are. The errors of that are those of its fits to own stacks.
+  Eigen::MatrixXd as_fitted(const Model& found) const {
+    const Standard estimator = found.estimator(Part::fitting);
+    const Eigen::MatrixXd& statistics = values_of(found.population, Part::held_out);
+    const Eigen::MatrixXd& misses = estimator.misses();
+    const auto from = found.first_effect_parameter, effects = std::ssize(found.open) - from;
+    const Eigen::VectorXd error = estimator.drawn_out(statistics.row(0).transpose(), from).error;
+    const Eigen::ArrayXd further =
+        error.tail(effects).array() / estimator.estimate_error().tail(effects).array().max(1e-300);
+    Eigen::MatrixXd own = after_.own();
+    for (Eigen::Index n = 0; n < own.rows(); ++n) {
+      const Eigen::VectorXd drawn = found.population.draws.row(n).tail(effects).transpose();
+      const Eigen::VectorXd miss = misses.row(n % misses.rows()).tail(effects).transpose().array() * further;
+      const Eigen::VectorXd seen = statistics.row(n).transpose();
+      own.row(n) +=
+          (after_.judge(seen, within_draws(found, drawn + miss)) - after_.judge(seen, drawn)).transpose();
+    }
+    return own;
+  }
+
   const std::vector<StatisticDeclaration>& battery_;
   Standard before_, after_;
-  Eigen::VectorXd units_, z_before_, z_after_;
+  bool in_own_units_;
+  Eigen::VectorXd units_;
+  Eigen::MatrixXd own_;
+  Eigen::VectorXd z_before_, z_after_;
 };
 
 }  // namespace
@@ -74,25 +147,14 @@ Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
 }
 
 double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery) {
-  const Eigen::VectorXd mask = only_of(model.explains, battery);
-  const Eigen::VectorXd units = in_larger_units(*model.standard, *plain.standard).cwiseProduct(mask);
-  const double before =
-      gap_of(plain.z.cwiseProduct(in_larger_units(*plain.standard, *model.standard)).cwiseProduct(mask));
-  const double after = gap_of(model.z.cwiseProduct(units));
-  const double floor = Floor(*model.standard, units).at(0.5);
-  return before > floor ? 1 - std::max(0.0, after - floor) / (before - floor) : 0;
+  return closed_by_all(model, plain, only_of(model.explains, battery)).closed;
 }
 
 Eigen::VectorXd fitted_to_first_part(const Model& model, const BatteryValues& real) {
-  constexpr double straight = 3;  // widths of the draws: farther out the statistics are not known
   Eigen::VectorXd value =
       model.estimator(Part::fitting).drawn_out(as_vector(real.part[0]), model.first_effect_parameter).value;
-  // Half of the frames may say nothing about a parameter; what moves an estimate out then throws it far off.
-  for (Eigen::Index k = model.first_effect_parameter; k < value.size(); ++k) {
-    const Uncertain& one = model.open[static_cast<std::size_t>(k)];
-    value(k) = std::clamp(value(k), std::max(one.lowest, one.centre - straight * one.width),
-                          std::min(one.highest, one.centre + straight * one.width));
-  }
+  const auto effects = std::ssize(model.open) - model.first_effect_parameter;
+  value.tail(effects) = within_draws(model, value.tail(effects));
   return value;
 }
 
@@ -129,7 +191,7 @@ GapClosed gap_left(const Model& plain, const BatteryValues& real) {
   const Standard standard(plain.population, Part::held_out);
   GapClosed gap;
   gap.before = gap.after = gap_of(standard.judge(as_vector(real.part[1])));
-  gap.floor = Floor(standard).at(0.5);
+  gap.floor = Floor(standard.own()).at(0.5);
   return gap;
 }
 

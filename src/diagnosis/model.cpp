@@ -112,15 +112,21 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   const Eigen::VectorXd tolerated = model.standard->tolerated(model.z);
   model.p_value = model.test->p_value(tolerated);
   model.gap = gap_of(model.z);
-  model.floor = Floor(*model.standard).at(0.5);
+  model.floor = Floor(model.standard->own()).at(0.5);
   model.correlation = std::make_unique<Correlation>(model.standard->own());
   const auto& solver = model.correlation->solver;
-  const Eigen::VectorXd y = compressed(tolerated);
   const Eigen::ArrayXd deviation = model.standard->deviation().array();
   const Eigen::ArrayXd scatter = (deviation.square() + model.standard->discrepancy().array().square()).sqrt();
-  model.log_likelihood = -0.5 * y.dot(solver.solve(y)) -
-                         0.5 * solver.vectorD().array().max(1e-12).log().sum() -
-                         (deviation > 0).select(scatter.max(1e-12).log(), 0.0).sum();
+  const double width = 0.5 * solver.vectorD().array().max(1e-12).log().sum() +
+                       (deviation > 0).select(scatter.max(1e-12).log(), 0.0).sum();
+  const auto log_likelihood = [&](const Eigen::VectorXd& z) {
+    const Eigen::VectorXd y = compressed(z);
+    return -0.5 * y.dot(solver.solve(y)) - width;
+  };
+  model.log_likelihood = log_likelihood(tolerated);
+  model.usual_log_likelihood = 0;
+  for (Eigen::Index n = 0; n < own.rows(); ++n)
+    model.usual_log_likelihood += log_likelihood(own.row(n).transpose()) / static_cast<double>(own.rows());
 }
 
 void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first) {

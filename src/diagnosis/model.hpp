@@ -32,6 +32,7 @@ struct Model {
   double distance = 1e300;          // of the real stack from the best place that fits found
   std::vector<Uncertain> nearest;   // the open parameters there
   double log_likelihood = 0;        // of the real stack's battery
+  double usual_log_likelihood = 0;  // mean of those of its own stacks
 
   /// The lab at the fitted values.
   Lab fitted_lab() const;

@@ -132,11 +132,11 @@ void match_view(ScanView& view, const Scan& scan, const Eigen::MatrixXd& inverse
   view.miss = (view.values.rowwise() - real.transpose()).rowwise().squaredNorm();
   const auto dimension = static_cast<Eigen::Index>(scan.open.size());
   const double before_log = -0.5 * real.dot(inverse * real);
-  // Expected, as the emulator knows it: what it does not know speaks against a place, never for it.
   const auto evidence = [&](const Eigen::VectorXd& at) {
     const auto prediction = (*view.emulator)(at);
-    const Eigen::VectorXd miss = real - prediction.mean;
-    return -0.5 * miss.dot(inverse * miss) - 0.5 * inverse.diagonal().dot(prediction.variance);
+    const Eigen::ArrayXd variance = 1 + prediction.variance.array();
+    const Eigen::VectorXd miss = (real - prediction.mean).array() / variance.sqrt();
+    return -0.5 * miss.dot(inverse * miss) - 0.5 * variance.log().sum();
   };
   std::vector<std::pair<double, Eigen::VectorXd>> tried;
   const auto attempt = [&](const Eigen::VectorXd& at) { tried.emplace_back(evidence(at), at); };
@@ -192,10 +192,11 @@ void match(Scan& scan, const Eigen::MatrixXd& inverse, const ScanViews& real) {
 
 namespace {
 
-/// Expected logarithmic likelihood of independent statistics that are known with a variance.
+/// Logarithmic likelihood of independent statistics with a variance beyond their own of 1.
 double independent(const Eigen::VectorXd& real, const Eigen::VectorXd& mean,
                    const Eigen::VectorXd& variance) {
-  return -0.5 * (real - mean).squaredNorm() - 0.5 * variance.sum();
+  return -0.5 * ((real - mean).array().square() / (1 + variance.array())).sum() -
+         0.5 * variance.array().log1p().sum();
 }
 Eigen::VectorXd expanded(const Eigen::VectorXd& y) {
   return y.unaryExpr([](double v) { return 2 * std::sinh(v / 2); });

@@ -273,7 +273,9 @@ class Diagnoser {
     double alone = 1e300;
     for (const Model& model : singles) alone = std::min(alone, model.distance);
     for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, alone)) {
-      const std::vector<std::string> needed = significant(model);
+      // Strengths of what comes out differently every time are not known well: then likelihood tells.
+      const bool likelier = model.log_likelihood > left_alone->log_likelihood + 2 * second_evidence;
+      const std::vector<std::string> needed = significant(model, likelier ? 0.7 : 0.3);
       if (needed.size() < model.effects.size()) {
         // It may be the place that the pair's fit found for one of the two that explains.
         if (needed.size() == 1 && passes(model))
@@ -282,8 +284,7 @@ class Diagnoser {
         continue;
       }
       // The pair must leave much less than the better of the two alone, in its own standard deviations.
-      const bool better = model.gap - model.floor < 0.3 * (left_alone->gap - left_alone->floor) &&
-                          model.log_likelihood > left_alone->log_likelihood + 2 * second_evidence;
+      const bool better = likelier && model.gap - model.floor < 0.3 * (left_alone->gap - left_alone->floor);
       if (model.p_value >= reject_level || better) pairs.push_back(std::move(model));
     }
     if (choose(pairs)) return;
@@ -353,14 +354,14 @@ class Diagnoser {
     return judged.empty() ? 0 : closed_by(judged.front());
   }
 
-  /// The effects whose strength is some errors away from nothing.
-  static std::vector<std::string> significant(const Model& model) {
+  /// The effects whose strength is some errors away from nothing. `largest_error`: of its logarithm.
+  static std::vector<std::string> significant(const Model& model, double largest_error = 0.3) {
     std::vector<std::string> list;
     for (const std::string& name : model.effects) {
       const std::string key = "effects." + name + "." + find_effect(name)->parameters.front().key;
       const bool clear = std::none_of(model.open.begin(), model.open.end(), [&](const Uncertain& one) {
         const auto at = static_cast<Eigen::Index>(&one - model.open.data());
-        return one.name == key && (model.error(at) > 0.3 || model.estimate(at) < one.lowest + 0.2);
+        return one.name == key && (model.error(at) > largest_error || model.estimate(at) < one.lowest + 0.2);
       });
       if (clear) list.push_back(name);
     }

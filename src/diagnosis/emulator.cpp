@@ -98,15 +98,23 @@ Emulator::Emulator(std::vector<Uncertain> open, const Eigen::MatrixXd& draws, co
   shape_length_ = best_shape;
 }
 
-Eigen::VectorXd Emulator::variance_at(double strength) const {
-  constexpr double reach = 0.1;  // of the range of strengths: stacks that are about as strong
-  constexpr double without = 2;  // stacks without scatter beyond the usual that count beside them
-  Eigen::VectorXd near(missed_.rows());
-  for (Eigen::Index k = 0; k < near.size(); ++k)
-    near(k) = std::exp(-0.5 * std::pow((points_[static_cast<std::size_t>(k)](0) - strength) / reach, 2));
-  const double count = near.sum() + without;
-  const double by_chance = std::sqrt(2 / count);
-  return (((missed_.transpose() * near).array() + without) / count - 1 - by_chance).max(0.0);
+Eigen::VectorXd Emulator::variance_at(const Eigen::VectorXd& at) const {
+  constexpr double strength_reach = 0.1, shape_reach = 0.3;  // of the parameters' ranges
+  // Where few stacks are near, those of about the strength count beside them; and beside these some that do
+  // not scatter more than usual.
+  constexpr double beside = 2;
+  Eigen::VectorXd alike(missed_.rows()), near(missed_.rows());
+  for (Eigen::Index k = 0; k < near.size(); ++k) {
+    const Eigen::VectorXd off = points_[static_cast<std::size_t>(k)] - at;
+    alike(k) = std::exp(-0.5 * std::pow(off(0) / strength_reach, 2));
+    near(k) =
+        alike(k) * std::exp(-0.5 * off.tail(off.size() - 1).squaredNorm() / (shape_reach * shape_reach));
+  }
+  const double all_alike = alike.sum() + beside, all_near = near.sum() + beside;
+  const Eigen::ArrayXd scatter_alike = ((missed_.transpose() * alike).array() + beside) / all_alike;
+  const Eigen::ArrayXd scatter = ((missed_.transpose() * near).array() + beside * scatter_alike) / all_near;
+  const double by_chance = std::sqrt(2 * (near.sum() + beside * beside / all_alike)) / all_near;
+  return (scatter - 1 - by_chance).max(0.0);
 }
 
 Emulator::Prediction Emulator::operator()(const Eigen::VectorXd& coordinates) const {
@@ -116,7 +124,7 @@ Emulator::Prediction Emulator::operator()(const Eigen::VectorXd& coordinates) co
     near(static_cast<Eigen::Index>(k)) = kernel(at, points_[k]);
   Prediction prediction;
   prediction.mean = weights_.transpose() * near;
-  prediction.variance = variance_at(at(0));
+  prediction.variance = variance_at(at);
   return prediction;
 }
 

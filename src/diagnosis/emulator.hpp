@@ -18,7 +18,7 @@ class Emulator {
 
   struct Prediction {
     Eigen::VectorXd mean;
-    /// By which stacks of about this strength scatter about what the others foretell of them, beyond the
+    /// By which stacks near this place scatter about what the others foretell of them, beyond the
     /// scatter that stacks without the effect have (1): the emulator may be wrong there, or the effect comes
     /// out differently every time.
     Eigen::VectorXd variance;
@@ -29,7 +29,7 @@ class Emulator {
  private:
   Eigen::VectorXd features(const Eigen::VectorXd& coordinates) const;
   double kernel(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
-  Eigen::VectorXd variance_at(double strength) const;
+  Eigen::VectorXd variance_at(const Eigen::VectorXd& features) const;
 
   std::vector<Uncertain> open_;
   double strength_length_ = 0.3, shape_length_ = 1;

@@ -268,19 +268,20 @@ class Diagnoser {
       candidates.push_back({one.effect->name + " + " + two.effect->name,
                             with(with(plain_, one, match.best_first), two, match.best_second), match.gain});
     }
-    std::vector<Model> pairs;
+    std::vector<Model> pairs, undecided;
     std::vector<Contender> lone;
     double alone = 1e300;
     for (const Model& model : singles) alone = std::min(alone, model.distance);
     for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, alone)) {
       // Strengths of what comes out differently every time are not known well: then likelihood tells.
-      const bool likelier = model.log_likelihood > left_alone->log_likelihood + 2 * second_evidence;
-      const std::vector<std::string> needed = significant(model, likelier ? 0.7 : 0.3);
+      const bool likelier = model.log_likelihood > likeliest(singles) + 2 * second_evidence;
+      const std::vector<std::string> needed = significant(model);
       if (needed.size() < model.effects.size()) {
         // It may be the place that the pair's fit found for one of the two that explains.
-        if (needed.size() == 1 && passes(model))
-          lone.push_back({needed.front() + ", of " + title(model), only(model, needed.front()),
-                          evidence_for(needed.front())});
+        if (needed.size() != 1 || !passes(model)) continue;
+        lone.push_back({needed.front() + ", of " + title(model), only(model, needed.front()),
+                        evidence_for(needed.front())});
+        if (likelier) undecided.push_back(std::move(model));
         continue;
       }
       // The pair must leave much less than the better of the two alone, in its own standard deviations.
@@ -290,6 +291,10 @@ class Diagnoser {
     if (choose(pairs)) return;
     for (Model& model : fit_and_judge(std::move(lone), 0.95, 1)) singles.push_back(std::move(model));
     if (choose(singles)) return;
+    std::erase_if(undecided, [&](const Model& model) {
+      return model.log_likelihood < likeliest(singles) + 2 * second_evidence;
+    });
+    if (choose(undecided)) return;
     std::vector<Model> all;
     for (auto& m : singles) all.push_back(std::move(m));
     for (auto& m : pairs) all.push_back(std::move(m));
@@ -354,14 +359,20 @@ class Diagnoser {
     return judged.empty() ? 0 : closed_by(judged.front());
   }
 
-  /// The effects whose strength is some errors away from nothing. `largest_error`: of its logarithm.
-  static std::vector<std::string> significant(const Model& model, double largest_error = 0.3) {
+  static double likeliest(const std::vector<Model>& models) {
+    double most = -1e300;
+    for (const Model& model : models) most = std::max(most, model.log_likelihood);
+    return most;
+  }
+
+  /// The effects whose strength is some errors away from nothing.
+  static std::vector<std::string> significant(const Model& model) {
     std::vector<std::string> list;
     for (const std::string& name : model.effects) {
       const std::string key = "effects." + name + "." + find_effect(name)->parameters.front().key;
       const bool clear = std::none_of(model.open.begin(), model.open.end(), [&](const Uncertain& one) {
         const auto at = static_cast<Eigen::Index>(&one - model.open.data());
-        return one.name == key && (model.error(at) > largest_error || model.estimate(at) < one.lowest + 0.2);
+        return one.name == key && (model.error(at) > 0.3 || model.estimate(at) < one.lowest + 0.2);
       });
       if (clear) list.push_back(name);
     }

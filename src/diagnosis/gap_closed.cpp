@@ -8,7 +8,7 @@ namespace {
 
 /// Half of the frames may say nothing about a parameter of the effects; what moves an estimate out then
 /// throws it far off. `values`: of the effects' parameters.
-Eigen::VectorXd within_draws(const Model& model, Eigen::VectorXd values) {
+Eigen::VectorXd held_to_draws(const Model& model, Eigen::VectorXd values) {
   constexpr double straight = 3;  // widths of the draws: farther out the statistics are not known
   for (Eigen::Index k = 0; k < values.size(); ++k) {
     const Uncertain& one = model.open[static_cast<std::size_t>(model.first_effect_parameter + k)];
@@ -37,14 +37,15 @@ struct ClosedByAll {
   bool in_own_units = false;
 };
 ClosedByAll closed_by_all(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
-  constexpr double least_evidence = 24;  // logarithm, beyond the plain model's
-  constexpr double least_share = 0.15;   // of what the frames are less likely than the plain model's own
+  constexpr double least_evidence = 24;   // logarithm, beyond the plain model's
+  constexpr double least_share = 0.15;    // of what the frames are less likely than the plain model's own
+  constexpr double least_likely = 0.001;  // p-value: no effect of the catalogue is right to all digits
   const double closed =
       closed_in(in_larger_units(*plain.standard, *model.standard).cwiseProduct(mask),
                 in_larger_units(*model.standard, *plain.standard).cwiseProduct(mask), model, plain);
   const double evidence = model.log_likelihood - plain.log_likelihood;
   const double missing = plain.usual_log_likelihood - plain.log_likelihood;
-  if (closed > least_to_pass || model.p_value < reject_level ||
+  if (closed > least_to_pass || model.p_value < least_likely ||
       evidence < std::max(least_evidence, least_share * missing))
     return {closed, false};
   return {closed_in(own_units(*plain.standard).cwiseProduct(mask),
@@ -116,7 +117,7 @@ class HeldOut {
       const Eigen::VectorXd miss = misses.row(n % misses.rows()).tail(effects).transpose().array() * further;
       const Eigen::VectorXd seen = statistics.row(n).transpose();
       own.row(n) +=
-          (after_.judge(seen, within_draws(found, drawn + miss)) - after_.judge(seen, drawn)).transpose();
+          (after_.judge(seen, held_to_draws(found, drawn + miss)) - after_.judge(seen, drawn)).transpose();
     }
     return own;
   }
@@ -154,7 +155,7 @@ Eigen::VectorXd fitted_to_first_part(const Model& model, const BatteryValues& re
   Eigen::VectorXd value =
       model.estimator(Part::fitting).drawn_out(as_vector(real.part[0]), model.first_effect_parameter).value;
   const auto effects = std::ssize(model.open) - model.first_effect_parameter;
-  value.tail(effects) = within_draws(model, value.tail(effects));
+  value.tail(effects) = held_to_draws(model, value.tail(effects));
   return value;
 }
 

@@ -88,6 +88,18 @@ Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& rea
   return allowed;
 }
 
+Standard::Estimate within_draws(Standard::Estimate estimate, const std::vector<Uncertain>& open,
+                                Eigen::Index first) {
+  constexpr double worse = 1.5, farthest = 2;  // widths of the draws
+  for (Eigen::Index k = first; k < estimate.value.size(); ++k) {
+    const Uncertain& one = open[static_cast<std::size_t>(k)];
+    if (estimate.error(k) > worse * one.width)
+      estimate.value(k) =
+          std::clamp(estimate.value(k), one.centre - farthest * one.width, one.centre + farthest * one.width);
+  }
+  return estimate;
+}
+
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,
            const Model* plain, const std::function<void(int)>& progress) {
   model.population = simulate_population(model.lab, model.open, stacks, plan, first, nullptr, progress);
@@ -106,7 +118,8 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
       own.row(n) = model.standard->tolerated(own.row(n).transpose()).transpose();
   model.test = std::make_unique<OmnibusTest>(own);
   model.z = model.standard->judge(statistics);
-  const auto estimate = model.standard->drawn_out(statistics, model.first_effect_parameter);
+  const auto estimate = within_draws(model.standard->drawn_out(statistics, model.first_effect_parameter),
+                                     model.open, model.first_effect_parameter);
   model.estimate = estimate.value;
   model.error = estimate.error;
   const Eigen::VectorXd tolerated = model.standard->tolerated(model.z);
@@ -147,7 +160,7 @@ void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan&
     Population population = simulate_population(model.lab, model.open, stacks, plan,
                                                 first + static_cast<std::uint64_t>(time) * 10000);
     const Standard standard(population, Part::whole, {}, model.standard->discrepancy(), effects_reach);
-    const auto estimate = standard.drawn_out(as_vector(real.whole), from);
+    const auto estimate = within_draws(standard.drawn_out(as_vector(real.whole), from), model.open, from);
     // Over wider draws statistics bend: that must not cost more than it gains.
     double gain = 0;
     for (Eigen::Index k = from; k < response.size(); ++k)

@@ -57,6 +57,11 @@ Eigen::VectorXd optical_detail(const Eigen::VectorXd& deviation, const StackPlan
 Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& real, const StackPlan& plan,
                                     const std::vector<std::string>& explains = {});
 
+/// Estimates of the effects' parameters (from `first` on) that are known worse than by the draws they are
+/// learned from: not led beyond these.
+Standard::Estimate within_draws(Standard::Estimate estimate, const std::vector<Uncertain>& open,
+                                Eigen::Index first);
+
 /// Simulates `stacks` of the model and judges the real one by them. `plain`: the judged plain model, for the
 /// discrepancy that a model with effects is allowed; none of it without.
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,

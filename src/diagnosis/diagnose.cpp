@@ -16,6 +16,7 @@
 namespace atomcam {
 namespace {
 
+constexpr double reject_level = 0.005;  // p-value: a fitted model below it is not the explanation
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 
 constexpr double least_closed = 0.65;  // at best, of the gap on held-out frames, for an effect to be named
@@ -255,9 +256,7 @@ class Diagnoser {
     if (choose(singles)) return;
     // Pairs: those whose fingerprints add up best to the real one, then really simulated.
     if (singles.empty()) return nearest({});
-    const auto left_alone =
-        std::max_element(singles.begin(), singles.end(),
-                         [](const Model& a, const Model& b) { return a.log_likelihood < b.log_likelihood; });
+    const Model& left_alone = likeliest(singles);
     const std::vector<PairMatch> matches = match_pairs(scans, 4, real, plan_.threads);
     std::vector<Contender> candidates;
     for (std::size_t k = 0; k < std::min<std::size_t>(4, matches.size()); ++k) {
@@ -274,7 +273,7 @@ class Diagnoser {
     for (const Model& model : singles) alone = std::min(alone, model.distance);
     for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, alone)) {
       // Strengths of what comes out differently every time are not known well: then likelihood tells.
-      const bool likelier = model.log_likelihood > likeliest(singles) + 2 * second_evidence;
+      const bool likelier = model.log_likelihood > left_alone.log_likelihood + 2 * second_evidence;
       const std::vector<std::string> needed = significant(model);
       if (needed.size() < model.effects.size()) {
         // It may be the place that the pair's fit found for one of the two that explains.
@@ -285,15 +284,15 @@ class Diagnoser {
         continue;
       }
       // The pair must leave much less than the better of the two alone, in its own standard deviations.
-      const bool better = likelier && model.gap - model.floor < 0.3 * (left_alone->gap - left_alone->floor);
+      const bool better = likelier && model.gap - model.floor < 0.3 * (left_alone.gap - left_alone.floor);
       if (model.p_value >= reject_level || better) pairs.push_back(std::move(model));
     }
     if (choose(pairs)) return;
     for (Model& model : fit_and_judge(std::move(lone), 0.95, 1)) singles.push_back(std::move(model));
     if (choose(singles)) return;
-    std::erase_if(undecided, [&](const Model& model) {
-      return model.log_likelihood < likeliest(singles) + 2 * second_evidence;
-    });
+    const double either = likeliest(singles).log_likelihood;
+    std::erase_if(undecided,
+                  [&](const Model& model) { return model.log_likelihood < either + 2 * second_evidence; });
     if (choose(undecided)) return;
     std::vector<Model> all;
     for (auto& m : singles) all.push_back(std::move(m));
@@ -359,10 +358,10 @@ class Diagnoser {
     return judged.empty() ? 0 : closed_by(judged.front());
   }
 
-  static double likeliest(const std::vector<Model>& models) {
-    double most = -1e300;
-    for (const Model& model : models) most = std::max(most, model.log_likelihood);
-    return most;
+  static Model& likeliest(std::vector<Model>& models) {
+    return *std::max_element(models.begin(), models.end(), [](const Model& a, const Model& b) {
+      return a.log_likelihood < b.log_likelihood;
+    });
   }
 
   /// The effects whose strength is some errors away from nothing.
@@ -446,12 +445,10 @@ class Diagnoser {
   void nearest(std::vector<Model> models) {
     result_.verdict = Verdict::unexplained;
     if (models.empty()) return;
-    const auto best = std::max_element(models.begin(), models.end(), [](const Model& a, const Model& b) {
-      return a.log_likelihood < b.log_likelihood;
-    });
-    const double closed = closed_by(*best);
+    Model& best = likeliest(models);
+    const double closed = closed_by(best);
     if (closed < 0.9) return;
-    accept(*best, 0.5 + 0.5 * closed);
+    accept(best, 0.5 + 0.5 * closed);
     result_.verdict = closed >= 0.95 ? Verdict::explained : Verdict::partly_explained;
   }
 

@@ -18,10 +18,6 @@ Eigen::VectorXd held_to_draws(const Model& model, Eigen::VectorXd values) {
   return values;
 }
 
-Eigen::VectorXd own_units(const Standard& model) {
-  return (model.deviation().array() > 0).cast<double>();
-}
-
 /// Over all frames; before, after and floor in these units.
 double closed_in(const Eigen::VectorXd& units_before, const Eigen::VectorXd& units_after, const Model& model,
                  const Model& plain) {
@@ -48,9 +44,7 @@ ClosedByAll closed_by_all(const Model& model, const Model& plain, const Eigen::V
   if (closed > least_to_pass || model.p_value < least_likely ||
       evidence < std::max(least_evidence, least_share * missing))
     return {closed, false};
-  return {closed_in(own_units(*plain.standard).cwiseProduct(mask),
-                    own_units(*model.standard).cwiseProduct(mask), model, plain),
-          true};
+  return {closed_in(mask, mask, model, plain), true};
 }
 
 /// Held-out frames, judged by the plain model and by that with the effects.
@@ -63,13 +57,12 @@ class HeldOut {
         after_(found.population, Part::held_out, effects_of(found),
                found.explains.empty() ? Eigen::VectorXd() : found.standard->discrepancy(), effects_reach),
         in_own_units_(closed_by_all(found, plain, only_of(found.explains, battery)).in_own_units),
-        units_(in_own_units_ ? own_units(after_) : in_larger_units(after_, before_)),
+        units_(units_of(after_, before_)),
         own_(as_fitted(found)) {
     const Eigen::VectorXd statistics = as_vector(real.part[1]);
     const Eigen::VectorXd values =
         fitted_to_first_part(found, real).tail(std::ssize(found.open) - found.first_effect_parameter);
-    z_before_ = before_.judge(statistics)
-                    .cwiseProduct(in_own_units_ ? own_units(before_) : in_larger_units(before_, after_));
+    z_before_ = before_.judge(statistics).cwiseProduct(units_of(before_, after_));
     z_after_ = after_.judge(statistics, values).cwiseProduct(units_);
   }
 
@@ -99,6 +92,10 @@ class HeldOut {
     std::vector<Eigen::Index> list;
     for (Eigen::Index k = found.first_effect_parameter; k < std::ssize(found.open); ++k) list.push_back(k);
     return list;
+  }
+
+  Eigen::VectorXd units_of(const Standard& model, const Standard& other) const {
+    return in_own_units_ ? Eigen::VectorXd::Ones(std::ssize(battery_)) : in_larger_units(model, other);
   }
 
   /// The model's own stacks, judged as the real one is: by what half of the frames says of the effects, not

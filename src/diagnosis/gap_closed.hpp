@@ -13,8 +13,7 @@ Eigen::VectorXd only_of(const std::vector<std::string>& observables,
 /// Deviations of a model in units of the larger of two models' deviations; 0 where one of them has none.
 Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other);
 
-inline constexpr double reject_level = 0.005;  // p-value: a fitted model below it is not the explanation
-inline constexpr double least_to_pass = 0.6;   // closed, for a model that the frames are not odd under
+inline constexpr double least_to_pass = 0.6;  // closed, for a model that the frames are not odd under
 
 /// Closed fraction over all frames of the gap in what a judged model is to explain. Both models count in
 /// units of the larger of their deviations: nothing is closed by a model that only scatters widely. Some

@@ -46,7 +46,7 @@ ChangedParameter changed_parameter(const Population& plain, const std::vector<Un
   const Eigen::MatrixXd slopes = Standard(plain, Part::whole).slopes();
   const Correlation correlation(own);
   const Eigen::VectorXd y = compressed(z);
-  const auto size = [&](const Eigen::VectorXd& v) { return v.dot(correlation.solver.solve(v)); };
+  const auto size = [&](const Eigen::VectorXd& v) { return correlation.squares(v)(0); };
   std::vector<double> by_chance;
   for (Eigen::Index n = 0; n < own.rows(); ++n) by_chance.push_back(size(compressed(own.row(n).transpose())));
   const auto middle = by_chance.begin() + static_cast<std::ptrdiff_t>(by_chance.size() / 2);

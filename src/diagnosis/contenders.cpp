@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <set>
+#include <span>
 
 #include "diagnosis/gap_closed.hpp"
 
@@ -12,6 +13,10 @@ namespace atomcam {
 namespace {
 
 constexpr int first_rounds = 3, more_rounds = 8, most_followed = 3, judged_stacks = 90;
+
+// Once a model has come near, how many times as far another one may be after two rounds; and another start
+// of the same effects, which is to be a better one, after its first.
+constexpr double too_far = 3, no_better = 1.5;
 
 constexpr double worthwhile = 0.9;   // of the plain model's distance: farther away is not followed up
 constexpr double far_away = 1.4;     // nothing at this distance has ever closed two thirds of a gap
@@ -32,8 +37,17 @@ class Race {
   void first(double alone) {
     const auto count = static_cast<double>(contenders_.size());
     for (std::size_t k = 0; k < contenders_.size(); ++k) {
-      progress_(title(contenders_[k].model), 0.4 * static_cast<double>(k) / count);
-      go_on(contenders_[k], first_rounds, "fit 1/");
+      Contender& one = contenders_[k];
+      progress_(title(one.model), 0.4 * static_cast<double>(k) / count);
+      const auto before = std::span(contenders_).first(k);
+      const auto same = [&](const Contender& other) { return other.model.effects == one.model.effects; };
+      const int look = std::any_of(before.begin(), before.end(), same) ? 1 : 2;
+      go_on(one, look, "fit 0/");
+      const bool hopeless = std::any_of(before.begin(), before.end(), [&](const Contender& other) {
+        return other.model.distance < like_own &&
+               one.model.distance > (same(other) ? no_better : too_far) * other.model.distance;
+      });
+      if (!hopeless) go_on(one, first_rounds - look, "fit 1/");
     }
     sort();
     std::set<std::vector<std::string>> seen;

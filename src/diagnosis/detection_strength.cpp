@@ -58,7 +58,7 @@ DetectionGround::Seen DetectionGround::look(const EffectDeclaration& effect, Par
   }
   // Two halves of the stacks: their scatter is not taken for signal.
   return {std::log(std::max(1e-300, quantile(p_values, 0.9))),
-          half[0].dot(plain_.correlation->solver.solve(half[1]))};
+          half[0].dot(plain_.correlation->weighed(half[1]).col(0))};
 }
 
 DetectionStrength DetectionGround::of(const EffectDeclaration& effect, ParameterValues values) const {

@@ -112,8 +112,7 @@ class Diagnoser {
     return list;
   }
 
-  std::vector<Scan> scan(const Model& before, const Eigen::MatrixXd& inverse, const ScanViews& real,
-                         double from, double to) {
+  std::vector<Scan> scan(const Model& before, const ScanViews& real, double from, double to) {
     std::vector<Scan> scans;
     const auto list = candidates(before, excluded());
     for (std::size_t k = 0; k < list.size(); ++k) {
@@ -124,9 +123,9 @@ class Diagnoser {
       const int stacks = 12 + 3 * static_cast<int>(one.effect->parameters.size());
       explore(one, before, stacks, plan_, numbers_of("scan/" + one.effect->name),
               part(one.effect->name, a, b, stacks));
-      match(one, inverse, real);
       scans.push_back(std::move(one));
     }
+    match(scans, *before.correlation, real, plan_.threads);
     sort(scans);
     return scans;
   }
@@ -198,19 +197,19 @@ class Diagnoser {
   }
 
   void explain() {
-    const Eigen::MatrixXd inverse = plain_.correlation->inverse();
     const ScanViews real = views_of(*plain_.standard, as_vector(real_.whole));
-    scans_ = scan(plain_, inverse, real, 0.25, 0.5);
+    scans_ = scan(plain_, real, 0.25, 0.5);
     std::vector<Scan>& scans = scans_;
     // Closer and closer looks at fewer and fewer.
     double done = 0.5;
     for (const std::size_t leaders : {8u, 6u, 5u, 4u}) {
-      for (std::size_t k = 0; k < std::min(leaders, scans.size()); ++k, done += 0.0035) {
-        explore(scans[k], plain_, 8, plan_,
-                numbers_of(fmt::format("look {}/{}", leaders, scans[k].effect->name)),
-                part(scans[k].effect->name, done, done + 0.0035, 8));
-        match(scans[k], inverse, real);
+      const std::span<Scan> nearest(scans.data(), std::min(leaders, scans.size()));
+      for (Scan& one : nearest) {
+        explore(one, plain_, 8, plan_, numbers_of(fmt::format("look {}/{}", leaders, one.effect->name)),
+                part(one.effect->name, done, done + 0.0035, 8));
+        done += 0.0035;
       }
+      match(nearest, *plain_.correlation, real, plan_.threads);
       sort(scans);
     }
     for (const Scan& one : scans) {

@@ -98,34 +98,43 @@ Emulator::Emulator(std::vector<Uncertain> open, const Eigen::MatrixXd& draws, co
   shape_length_ = best_shape;
 }
 
-Eigen::VectorXd Emulator::variance_at(const Eigen::VectorXd& at) const {
+Eigen::MatrixXd Emulator::mean(const Eigen::MatrixXd& places) const {
+  Eigen::MatrixXd near(std::ssize(points_), places.cols());
+  for (Eigen::Index n = 0; n < places.cols(); ++n) {
+    const Eigen::VectorXd at = features(places.col(n));
+    for (std::size_t k = 0; k < points_.size(); ++k)
+      near(static_cast<Eigen::Index>(k), n) = kernel(at, points_[k]);
+  }
+  return weights_.transpose() * near;
+}
+
+Eigen::MatrixXd Emulator::variance(const Eigen::MatrixXd& places) const {
   constexpr double strength_reach = 0.1, shape_reach = 0.3;  // of the parameters' ranges
   // Where few stacks are near, those of about the strength count beside them; and beside these some that do
   // not scatter more than usual.
   constexpr double beside = 2;
-  Eigen::VectorXd alike(missed_.rows()), near(missed_.rows());
-  for (Eigen::Index k = 0; k < near.size(); ++k) {
-    const Eigen::VectorXd off = points_[static_cast<std::size_t>(k)] - at;
-    alike(k) = std::exp(-0.5 * std::pow(off(0) / strength_reach, 2));
-    near(k) =
-        alike(k) * std::exp(-0.5 * off.tail(off.size() - 1).squaredNorm() / (shape_reach * shape_reach));
+  const Eigen::Index stacks = missed_.rows(), count = places.cols();
+  Eigen::MatrixXd weights(stacks, 2 * count);
+  auto alike = weights.leftCols(count), near = weights.rightCols(count);
+  for (Eigen::Index n = 0; n < count; ++n) {
+    const Eigen::VectorXd at = features(places.col(n));
+    for (Eigen::Index k = 0; k < stacks; ++k) {
+      const Eigen::VectorXd off = points_[static_cast<std::size_t>(k)] - at;
+      alike(k, n) = std::exp(-0.5 * std::pow(off(0) / strength_reach, 2));
+      near(k, n) =
+          alike(k, n) * std::exp(-0.5 * off.tail(off.size() - 1).squaredNorm() / (shape_reach * shape_reach));
+    }
   }
-  const double all_alike = alike.sum() + beside, all_near = near.sum() + beside;
-  const Eigen::ArrayXd scatter_alike = ((missed_.transpose() * alike).array() + beside) / all_alike;
-  const Eigen::ArrayXd scatter = ((missed_.transpose() * near).array() + beside * scatter_alike) / all_near;
-  const double by_chance = std::sqrt(2 * (near.sum() + beside * beside / all_alike)) / all_near;
-  return (scatter - 1 - by_chance).max(0.0);
-}
-
-Emulator::Prediction Emulator::operator()(const Eigen::VectorXd& coordinates) const {
-  const Eigen::VectorXd at = features(coordinates);
-  Eigen::VectorXd near(static_cast<Eigen::Index>(points_.size()));
-  for (std::size_t k = 0; k < points_.size(); ++k)
-    near(static_cast<Eigen::Index>(k)) = kernel(at, points_[k]);
-  Prediction prediction;
-  prediction.mean = weights_.transpose() * near;
-  prediction.variance = variance_at(at);
-  return prediction;
+  const Eigen::MatrixXd missed = missed_.transpose() * weights;
+  Eigen::MatrixXd variance(missed.rows(), count);
+  for (Eigen::Index n = 0; n < count; ++n) {
+    const double all_alike = alike.col(n).sum() + beside, all_near = near.col(n).sum() + beside;
+    const Eigen::ArrayXd scatter_alike = (missed.col(n).array() + beside) / all_alike;
+    const Eigen::ArrayXd scatter = (missed.col(count + n).array() + beside * scatter_alike) / all_near;
+    const double by_chance = std::sqrt(2 * (near.col(n).sum() + beside * beside / all_alike)) / all_near;
+    variance.col(n) = (scatter - 1 - by_chance).max(0.0);
+  }
+  return variance;
 }
 
 }  // namespace atomcam

@@ -16,20 +16,16 @@ class Emulator {
   /// end of the first parameter (the strength) the effect is taken to be nothing.
   Emulator(std::vector<Uncertain> open, const Eigen::MatrixXd& draws, const Eigen::MatrixXd& values);
 
-  struct Prediction {
-    Eigen::VectorXd mean;
-    /// By which stacks near this place scatter about what the others foretell of them, beyond the
-    /// scatter that stacks without the effect have (1): the emulator may be wrong there, or the effect comes
-    /// out differently every time.
-    Eigen::VectorXd variance;
-  };
-  Prediction operator()(const Eigen::VectorXd& coordinates) const;
-  const std::vector<Uncertain>& open() const { return open_; }
+  /// What it foretells at some places, coordinates of the parameters [parameter, place]: [statistic, place].
+  Eigen::MatrixXd mean(const Eigen::MatrixXd& places) const;
+  /// By which stacks near these places scatter about what the others foretell of them, beyond the scatter
+  /// that stacks without the effect have (1): the emulator may be wrong there, or the effect comes out
+  /// differently every time. [statistic, place]
+  Eigen::MatrixXd variance(const Eigen::MatrixXd& places) const;
 
  private:
   Eigen::VectorXd features(const Eigen::VectorXd& coordinates) const;
   double kernel(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
-  Eigen::VectorXd variance_at(const Eigen::VectorXd& features) const;
 
   std::vector<Uncertain> open_;
   double strength_length_ = 0.3, shape_length_ = 1;

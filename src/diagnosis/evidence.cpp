@@ -41,14 +41,23 @@ double Floor::at(double quantile) const {
 Correlation::Correlation(const Eigen::MatrixXd& own) {
   const Eigen::MatrixXd y = compressed_rows(own);
   const double n = static_cast<double>(y.rows()), p = static_cast<double>(y.cols());
-  const double keep = n / (n + p);
-  Eigen::MatrixXd matrix = (y.transpose() * y) * (keep / std::max(1.0, n));
-  matrix.diagonal().array() += 1 - keep;
-  solver.compute(matrix);
+  // C = (n / (n + p)) y'y / n + (p / (n + p)) 1 = alone (1 + y'y / p)
+  alone_ = p / (n + p);
+  Eigen::MatrixXd gram = y * y.transpose();
+  gram.diagonal().array() += p;
+  const Eigen::LLT<Eigen::MatrixXd> factors(gram);
+  together_ = factors.matrixL().solve(y);
+  log_determinant_ = p * std::log(alone_) - n * std::log(p);
+  for (Eigen::Index k = 0; k < gram.rows(); ++k) log_determinant_ += 2 * std::log(factors.matrixLLT()(k, k));
 }
 
-Eigen::MatrixXd Correlation::inverse() const {
-  return solver.solve(Eigen::MatrixXd::Identity(solver.rows(), solver.rows()));
+Eigen::MatrixXd Correlation::weighed(const Eigen::MatrixXd& columns) const {
+  return (columns - together_.transpose() * (together_ * columns)) / alone_;
+}
+
+Eigen::VectorXd Correlation::squares(const Eigen::MatrixXd& columns) const {
+  return (columns.colwise().squaredNorm() - (together_ * columns).colwise().squaredNorm()).transpose() /
+         alone_;
 }
 
 OmnibusTest::OmnibusTest(const Eigen::MatrixXd& own) {

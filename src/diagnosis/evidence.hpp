@@ -29,10 +29,22 @@ class Floor {
 };
 
 /// Correlations of a model's compressed statistics, shrunk towards independence.
-struct Correlation {
+class Correlation {
+ public:
+  /// `own`: deviations of the model's own stacks, a row each.
   explicit Correlation(const Eigen::MatrixXd& own);
-  Eigen::LDLT<Eigen::MatrixXd> solver;
-  Eigen::MatrixXd inverse() const;
+  /// Every column x weighed by the inverse C^-1 of the correlations: C^-1 x.
+  Eigen::MatrixXd weighed(const Eigen::MatrixXd& columns) const;
+  /// x' C^-1 x of every column.
+  Eigen::VectorXd squares(const Eigen::MatrixXd& columns) const;
+  double log_determinant() const { return log_determinant_; }
+
+ private:
+  // A multiple of unity and the few directions in which stacks scatter together: far fewer numbers than a
+  // matrix of all pairs of statistics (Woodbury).
+  double alone_ = 1;
+  Eigen::MatrixXd together_;  // [direction, statistic]
+  double log_determinant_ = 0;
 };
 
 /// Share of the plain model's own stacks in which a gap is seen: false alarms.

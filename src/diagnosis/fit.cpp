@@ -119,7 +119,7 @@ class Fitter {
                           .cwiseProduct(scale) *
                       width;
     }
-    const Eigen::MatrixXd weighted = correlation_.solver.solve(slopes);
+    const Eigen::MatrixXd weighted = correlation_.weighed(slopes);
     Eigen::MatrixXd information = slopes.transpose() * weighted;
     information.diagonal().array() += 1 / (prior_widths * prior_widths);
     const auto inverse = information.ldlt();
@@ -227,10 +227,7 @@ void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& pla
       if (one.width <= 0) continue;
       double moved = one.centre + step.delta(at);
       if (at < from) {
-        moved = std::clamp(moved, -one.farthest, one.farthest);
-        one.lowest = moved - 5 * one.width;
-        one.highest = moved + 5 * one.width;
-        one.centre = moved;
+        one.move_to(moved);
         one.steady = 0;  // the next recalibration sees this step, not its own last one
         one.pull = 0;
         continue;

@@ -127,19 +127,13 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   model.gap = gap_of(model.z);
   model.floor = Floor(model.standard->own()).at(0.5);
   model.correlation = std::make_unique<Correlation>(model.standard->own());
-  const auto& solver = model.correlation->solver;
   const Eigen::ArrayXd deviation = model.standard->deviation().array();
   const Eigen::ArrayXd scatter = (deviation.square() + model.standard->discrepancy().array().square()).sqrt();
-  const double width = 0.5 * solver.vectorD().array().max(1e-12).log().sum() +
+  const double width = 0.5 * model.correlation->log_determinant() +
                        (deviation > 0).select(scatter.max(1e-12).log(), 0.0).sum();
-  const auto log_likelihood = [&](const Eigen::VectorXd& z) {
-    const Eigen::VectorXd y = compressed(z);
-    return -0.5 * y.dot(solver.solve(y)) - width;
-  };
-  model.log_likelihood = log_likelihood(tolerated);
-  model.usual_log_likelihood = 0;
-  for (Eigen::Index n = 0; n < own.rows(); ++n)
-    model.usual_log_likelihood += log_likelihood(own.row(n).transpose()) / static_cast<double>(own.rows());
+  model.log_likelihood = -0.5 * model.correlation->squares(compressed(tolerated))(0) - width;
+  model.usual_log_likelihood =
+      -0.5 * model.correlation->squares(compressed_rows(own).transpose()).mean() - width;
 }
 
 void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first) {
@@ -266,9 +260,7 @@ void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std
     // Calibration may answer weakly to a parameter: steps that keep their sign are summed up at once
     // (Aitken).
     if (std::fabs(shift) > 2 * one.width && one.steady >= 2) shift /= 1 - std::min(ratio, 0.6);
-    one.centre = std::clamp(one.centre + shift, -one.farthest, one.farthest);
-    one.lowest = one.centre - 5 * one.width;
-    one.highest = one.centre + 5 * one.width;
+    one.move_to(one.centre + shift);
   }
 }
 
@@ -285,10 +277,8 @@ Model plain_model(const RealStack& real, int stacks, const StackPlan& plan,
   const Eigen::VectorXd estimate = Standard(about, Part::whole).estimate(as_vector(real.values->whole));
   for (std::size_t k = 0; k < plain.open.size(); ++k) {
     Uncertain& one = plain.open[k];
-    one.centre +=
-        std::clamp(estimate(static_cast<Eigen::Index>(k)) - one.centre, -1.5 * one.width, 1.5 * one.width);
-    one.lowest = one.centre - 5 * one.width;
-    one.highest = one.centre + 5 * one.width;
+    const double step = estimate(static_cast<Eigen::Index>(k)) - one.centre, most = 1.5 * one.width;
+    one.move_to(one.centre + std::clamp(step, -most, most));
   }
   judge(plain, *real.values, stacks, plan, numbers_of("plain"), nullptr, [&progress](int done) {
     if (progress) progress(plain_centre_stacks + done);

@@ -121,53 +121,66 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
     const ScanViews seen = views_of(*before.standard, population.whole.row(n).transpose());
     for (std::size_t v = 0; v < scan_views; ++v) scan.view[v].values.row(old + n) = seen[v].transpose();
   }
-  for (ScanView& view : scan.view)
-    view.emulator = std::make_unique<Emulator>(scan.open, scan.draws, view.values);
 }
 
 namespace {
 
-void match_view(ScanView& view, const Scan& scan, const Eigen::MatrixXd& inverse,
+/// Places over the whole prior: [parameter, place].
+template <class Uniform>
+Eigen::MatrixXd anywhere(const std::vector<Uncertain>& open, Eigen::Index places, const Uniform& uniform) {
+  Eigen::MatrixXd at(std::ssize(open), places);
+  for (Eigen::Index n = 0; n < places; ++n)
+    for (Eigen::Index k = 0; k < at.rows(); ++k) {
+      const Uncertain& one = open[static_cast<std::size_t>(k)];
+      at(k, n) = one.lowest + (one.highest - one.lowest) * uniform();
+    }
+  return at;
+}
+
+void match_view(ScanView& view, const Scan& scan, const Correlation& correlation,
                 const Eigen::VectorXd& real) {
+  view.emulator = std::make_unique<Emulator>(scan.open, scan.draws, view.values);
   view.miss = (view.values.rowwise() - real.transpose()).rowwise().squaredNorm();
-  const auto dimension = static_cast<Eigen::Index>(scan.open.size());
-  const double before_log = -0.5 * real.dot(inverse * real);
-  const auto evidence = [&](const Eigen::VectorXd& at) {
-    const auto prediction = (*view.emulator)(at);
-    const Eigen::ArrayXd variance = 1 + prediction.variance.array();
-    const Eigen::VectorXd miss = (real - prediction.mean).array() / variance.sqrt();
-    return -0.5 * miss.dot(inverse * miss) - 0.5 * variance.log().sum();
+  const double before_log = -0.5 * correlation.squares(real)(0);
+  struct Tried {
+    double evidence;
+    Eigen::VectorXd at;
   };
-  std::vector<std::pair<double, Eigen::VectorXd>> tried;
-  const auto attempt = [&](const Eigen::VectorXd& at) { tried.emplace_back(evidence(at), at); };
+  std::vector<Tried> tried;
+  const auto attempt = [&](const Eigen::MatrixXd& places) {
+    const Eigen::ArrayXXd variance = 1 + view.emulator->variance(places).array();
+    const Eigen::MatrixXd miss =
+        (real.replicate(1, places.cols()) - view.emulator->mean(places)).array() / variance.sqrt();
+    const Eigen::VectorXd evidence =
+        -0.5 * correlation.squares(miss) - 0.5 * variance.log().colwise().sum().matrix().transpose();
+    for (Eigen::Index n = 0; n < places.cols(); ++n) tried.push_back({evidence(n), places.col(n)});
+  };
+  const auto likeliest = [&] {
+    return std::max_element(tried.begin(), tried.end(),
+                            [](const Tried& a, const Tried& b) { return a.evidence < b.evidence; });
+  };
   RandomStream random(1, stream_id("diagnosis/match"), 0, 0);
   const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
-  for (Eigen::Index n = 0; n < scan.draws.rows(); ++n) attempt(scan.draws.row(n).transpose());
-  for (int n = 0; n < 400; ++n) {
-    Eigen::VectorXd at(dimension);
-    for (Eigen::Index k = 0; k < dimension; ++k) {
-      const Uncertain& one = scan.open[static_cast<std::size_t>(k)];
-      at(k) = one.lowest + (one.highest - one.lowest) * uniform();
-    }
-    attempt(at);
-  }
+  attempt(scan.draws.transpose());
+  attempt(anywhere(scan.open, 400, uniform));
   for (const double step : {0.15, 0.06, 0.025}) {
-    const auto top = std::max_element(tried.begin(), tried.end(),
-                                      [](const auto& a, const auto& b) { return a.first < b.first; });
-    const Eigen::VectorXd centre = top->second;
-    for (int n = 0; n < 120; ++n) attempt(moved_by(scan.open, centre, step, uniform));
+    const Eigen::VectorXd centre = likeliest()->at;
+    Eigen::MatrixXd places(centre.size(), 120);
+    for (Eigen::Index n = 0; n < places.cols(); ++n)
+      places.col(n) = moved_by(scan.open, centre, step, uniform);
+    attempt(places);
   }
-  const auto top = std::max_element(tried.begin(), tried.end(),
-                                    [](const auto& a, const auto& b) { return a.first < b.first; });
-  view.best = top->second;
-  view.log_likelihood = top->first - before_log;
+  const auto top = likeliest();
+  view.best = top->at;
+  view.log_likelihood = top->evidence - before_log;
   view.share = before_log < 0 ? std::clamp(view.log_likelihood / -before_log, 0.0, 1.0) : 0;
-  view.predicted = (*view.emulator)(view.best).mean;
+  view.predicted = view.emulator->mean(view.best);
   // Widths from how fast the evidence falls.
+  const Eigen::Index dimension = std::ssize(scan.open);
   Eigen::VectorXd squares = Eigen::VectorXd::Zero(dimension);
   double weights = 0;
-  for (const auto& [value, at] : tried) {
-    const double weight = std::exp(std::max(-60.0, (value - top->first) / 4));
+  for (const auto& [evidence, at] : tried) {
+    const double weight = std::exp(std::max(-60.0, (evidence - top->evidence) / 4));
     Eigen::VectorXd off = at - view.best;
     for (Eigen::Index k = 0; k < dimension; ++k) {
       const double cycle = scan.open[static_cast<std::size_t>(k)].cycle;
@@ -186,8 +199,12 @@ void match_view(ScanView& view, const Scan& scan, const Eigen::MatrixXd& inverse
 
 }  // namespace
 
-void match(Scan& scan, const Eigen::MatrixXd& inverse, const ScanViews& real) {
-  for (std::size_t v = 0; v < scan_views; ++v) match_view(scan.view[v], scan, inverse, real[v]);
+void match(std::span<Scan> scans, const Correlation& correlation, const ScanViews& real, int threads) {
+  parallel_for(static_cast<int>(scans.size() * scan_views), threads, 1, [&](int n) {
+    Scan& scan = scans[static_cast<std::size_t>(n) / scan_views];
+    const std::size_t v = static_cast<std::size_t>(n) % scan_views;
+    match_view(scan.view[v], scan, correlation, real[v]);
+  });
 }
 
 namespace {
@@ -230,7 +247,7 @@ double imitated(const Eigen::VectorXd& fingerprint, const Scan& by, std::size_t 
   const Emulator& emulator = *by.view[view].emulator;
   RandomStream random(1, stream_id("diagnosis/imitated"), 0, 0);
   const Least found = least_left(by, by.view[view].best, random, [&](const Eigen::VectorXd& at) {
-    return (fingerprint - emulator(at).mean).squaredNorm();
+    return (fingerprint - emulator.mean(at)).squaredNorm();
   });
   return std::clamp(1 - found.left / all, 0.0, 1.0);
 }
@@ -244,7 +261,7 @@ PartMatch match_part(const Scan& scan, const Eigen::VectorXd& mask, const ScanVi
     const Emulator& emulator = *scan.view[v].emulator;
     RandomStream random(1, stream_id("diagnosis/part"), v, 0);
     const Least found = least_left(scan, scan.view[v].best, random, [&](const Eigen::VectorXd& at) {
-      return (real - expanded(emulator(at).mean).cwiseProduct(mask)).squaredNorm();
+      return (real - expanded(emulator.mean(at)).cwiseProduct(mask)).squaredNorm();
     });
     if (const double share = 1 - found.left / all; match.best.size() == 0 || share > match.share) {
       match.share = share;
@@ -275,13 +292,12 @@ std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t l
     RandomStream random(1, stream_id("diagnosis/pairs"), static_cast<std::uint64_t>(n), 0);
     const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
     const auto alone = [&](const ScanView& view) {
-      const auto prediction = (*view.emulator)(view.best);
-      return independent(real, prediction.mean, prediction.variance);
+      return independent(real, view.emulator->mean(view.best), view.emulator->variance(view.best));
     };
     const auto evidence = [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
-      const auto first = (*view_one.emulator)(a), second = (*view_two.emulator)(b);
-      return independent(real, compressed(expanded(first.mean) + expanded(second.mean)),
-                         first.variance + second.variance);
+      const Emulator &first = *view_one.emulator, &second = *view_two.emulator;
+      return independent(real, compressed(expanded(first.mean(a)) + expanded(second.mean(b))),
+                         first.variance(a) + second.variance(b));
     };
     const auto moved = [&](const Scan& scan, const Eigen::VectorXd& at, double step) {
       return moved_by(scan.open, at, step, uniform);

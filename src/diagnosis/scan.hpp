@@ -5,6 +5,7 @@
 #include <array>
 #include <functional>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "diagnosis/emulator.hpp"
@@ -48,8 +49,9 @@ std::vector<const EffectDeclaration*> candidates(const Model& before,
 void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan, std::uint64_t first,
              const std::function<void(int)>& progress = {});
 
-/// Parameters that fit best, and the evidence. `inverse`: of the correlations of the model before.
-void match(Scan& scan, const Eigen::MatrixXd& inverse, const ScanViews& real);
+/// Emulators through the stacks of each scan, parameters that fit best, and the evidence. `correlation`: of
+/// the model before.
+void match(std::span<Scan> scans, const Correlation& correlation, const ScanViews& real, int threads);
 
 /// How much of an effect's fingerprint (compressed z) another one could pass for with the parameters that
 /// suit it best: 1 minus the square of what is left, over the square of all. As seen in `view`.

@@ -51,6 +51,13 @@ double logistic(double x) {
 
 }  // namespace
 
+void Uncertain::move_to(double coordinate) {
+  constexpr double bounds = 5;  // widths
+  centre = std::clamp(coordinate, -farthest, farthest);
+  lowest = centre - bounds * width;
+  highest = centre + bounds * width;
+}
+
 std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
   std::vector<Uncertain> open;
   const Lab& lab = calibration.lab;

@@ -32,6 +32,9 @@ struct Uncertain {
   std::function<double(double coordinate)> value;  // in the parameter's unit
   /// By how much a calibration says more than another, as a coordinate; empty for an effect's parameter.
   std::function<double(const Calibration& one, const Calibration& other)> offset;
+
+  /// A calibration's parameter: the centre moves there, if not too far, and the bounds with it.
+  void move_to(double coordinate);
 };
 
 /// What calibration leaves open of the plain model: every fitted figure, a few of its errors wide.

@@ -45,7 +45,7 @@ class MadeUp {
     return y;
   }
   const ScanView& matched(const Eigen::VectorXd& real) {
-    match(scan_, Eigen::MatrixXd::Identity(statistics, statistics), {real, real});
+    match({&scan_, 1}, Correlation(Eigen::MatrixXd::Zero(1, statistics)), {real, real}, 1);
     return scan_.best();
   }
   const Emulator& emulator() const { return *scan_.view[0].emulator; }
@@ -61,8 +61,8 @@ const auto nothing = [](double, Eigen::Index) { return 0.0; };
 TEST(Emulator, KnowsHowStacksScatterAboutIt) {
   const auto scatter = [](double s, Eigen::Index i) { return i < few ? 8 * s : 0; };
   const MadeUp made(30, nothing, scatter);
-  const Eigen::VectorXd strong = made.emulator()(Eigen::VectorXd::Constant(1, 0.9)).variance;
-  const Eigen::VectorXd weak = made.emulator()(Eigen::VectorXd::Constant(1, 0.05)).variance;
+  const Eigen::VectorXd strong = made.emulator().variance(Eigen::VectorXd::Constant(1, 0.9));
+  const Eigen::VectorXd weak = made.emulator().variance(Eigen::VectorXd::Constant(1, 0.05));
   EXPECT_GT(strong.head(few).mean(), 15);  // 52, of some ten stacks
   EXPECT_LT(strong.head(few).mean(), 150);
   EXPECT_LT(strong.tail(statistics - few).mean(), 0.4);

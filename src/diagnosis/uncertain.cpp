@@ -201,11 +201,12 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect) {
     double low = p.minimum, high = p.maximum;
     if (strength || size) {
       low = std::max(p.minimum, first.default_value / 20);
-      // Thirty times the usual; a strength that is itself a multiple of the usual, or one that differs by
-      // orders of magnitude between cameras (not a part of something), three hundred times.
+      // Thirty times the usual; three hundred times for a strength that is itself a multiple of the usual.
+      // One that differs by orders of magnitude between cameras (not a part of something) may be whatever it
+      // may.
       const bool multiple = first.unit == "1" && first.default_value == 1;
       const bool orders = first.unit != "1" && first.scale == ParameterScale::logarithmic;
-      high = std::min(p.maximum, first.default_value * (multiple || orders ? 300 : 30));
+      high = orders ? p.maximum : std::min(p.maximum, first.default_value * (multiple ? 300 : 30));
     } else if (logarithmic) {
       low = std::max(p.minimum, p.default_value / 20);
       high = std::min(p.maximum, p.default_value * 20);

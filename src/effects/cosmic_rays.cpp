@@ -46,7 +46,7 @@ EffectDeclaration cosmic_rays() {
           .parameters = {{.key = "rate_per_cm2_s",
                           .unit = "1/(cm2 s)",
                           .minimum = 0,
-                          .maximum = 100,
+                          .maximum = 5000,
                           .default_value = 0.02,
                           .scale = ParameterScale::logarithmic,
                           .meaning = "Hits per area and time."},

@@ -71,9 +71,9 @@ class Effect {
   virtual void apply_to_light(LightField&, const FrameContext&) const {}
   virtual void apply_to_electrons(ElectronImage&, const FrameContext&) const {}
   /// Electrons plane, after all of its effects: one row of what the pixels held, as it is read (behind the
-  /// register of an EMCCD), and all that is held.
+  /// register of an EMCCD), and all that is held; the readout's noise comes on top.
   virtual void apply_to_voltages(int /*row*/, std::span<float> /*output_e*/, const ElectronImage& /*held*/,
-                                 const FrameContext&) const {}
+                                 const Sensor::Readout&, const FrameContext&) const {}
   /// One row at the end of the EM register (or of the pixels, for a qCMOS), in electrons.
   virtual void apply_to_register(int /*row*/, std::span<float> /*output_e*/, const Sensor::Readout&,
                                  const FrameContext&) const {}

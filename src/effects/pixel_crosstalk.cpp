@@ -5,7 +5,8 @@ namespace {
 
 class PixelCrosstalk : public Effect {
  public:
-  explicit PixelCrosstalk(const ParameterValues& values) : fraction_(values[0]), coupled_(values[1]) {}
+  explicit PixelCrosstalk(const ParameterValues& values)
+      : fraction_(values[0]), coupled_(values[1]), noise_(values[2]) {}
 
   void apply_to_electrons(ElectronImage& electrons, const FrameContext& context) const override {
     const double diffusing = couples(context) ? fraction_ * (1 - coupled_) : fraction_;
@@ -44,19 +45,27 @@ class PixelCrosstalk : public Effect {
     }
   }
 
-  /// Every pixel's voltage drags its neighbours' along: shot noise and all, so that neighbours correlate.
+  /// Every pixel's voltage drags its neighbours' along: shot noise and all, so that neighbours correlate;
+  /// what couples behind the amplifiers, their noise as well.
   void apply_to_voltages(int row, std::span<float> output_e, const ElectronImage& held,
-                         const FrameContext& context) const override {
+                         const Sensor::Readout& readout, const FrameContext& context) const override {
     if (!couples(context)) return;
-    const auto part = static_cast<float>(fraction_ * coupled_);
-    const int last = held.rows() - 1, columns = held.columns();
-    const auto own = held.row(row), above = held.row(std::max(0, row - 1)),
-               below = held.row(std::min(last, row + 1));
-    for (int c = 0; c < columns; ++c) {
-      const auto at = static_cast<std::size_t>(c), left = static_cast<std::size_t>(std::max(0, c - 1)),
-                 right = static_cast<std::size_t>(std::min(columns - 1, c + 1));
-      const std::int32_t around = above[at] + below[at] + own[left] + own[right];
-      output_e[at] += part * (0.25f * static_cast<float>(around) - static_cast<float>(own[at]));
+    const auto part = static_cast<float>(fraction_ * coupled_), noise_part = static_cast<float>(noise_);
+    const int rows = held.rows();
+    const auto columns = static_cast<std::size_t>(held.columns());
+    thread_local std::vector<float> around[3];  // the row above, this one, the row below
+    for (int k = 0; k < 3; ++k) {
+      const int at = std::clamp(row + k - 1, 0, rows - 1);
+      std::vector<float>& seen = around[k];
+      seen.assign(columns, 0);
+      if (noise_ > 0) readout.read_noise(at, seen);
+      for (std::size_t c = 0; c < columns; ++c)
+        seen[c] = noise_part * seen[c] + static_cast<float>(held(at, static_cast<int>(c)));
+    }
+    const auto& [above, own, below] = around;
+    for (std::size_t c = 0; c < columns; ++c) {
+      const float left = own[c > 0 ? c - 1 : 0], right = own[std::min(columns - 1, c + 1)];
+      output_e[c] += part * (0.25f * (above[c] + below[c] + left + right) - own[c]);
     }
   }
 
@@ -68,6 +77,7 @@ class PixelCrosstalk : public Effect {
 
   double fraction_;
   double coupled_;
+  double noise_;
 };
 
 }  // namespace
@@ -78,23 +88,30 @@ EffectDeclaration pixel_crosstalk() {
       .plane = Plane::electrons,
       .summary = "Charge diffuses into the four neighbouring pixels, or their voltages couple.",
       .reference = "Charge diffusion in back-illuminated sensors: 0.5-3 %; interpixel capacitance (CMOS)",
-      .parameters = {{.key = "fraction",
-                      .unit = "1",
-                      .minimum = 0,
-                      .maximum = 0.5,
-                      .default_value = 0.02,
-                      .scale = ParameterScale::linear,
-                      .meaning =
-                          "Part of the light that shows up in the neighbours, a quarter on each side."},
-                     {.key = "coupled_share",
-                      .unit = "1",
-                      .minimum = 0,
-                      .maximum = 1,
-                      .default_value = 0,
-                      .scale = ParameterScale::linear,
-                      .meaning =
-                          "Share that the pixels' capacitance couples after the shot noise, which correlates "
-                          "neighbours; the rest diffuses as charge. A qCMOS only: a CCD's is all charge."}},
+      .parameters =
+          {{.key = "fraction",
+            .unit = "1",
+            .minimum = 0,
+            .maximum = 0.5,
+            .default_value = 0.02,
+            .scale = ParameterScale::linear,
+            .meaning = "Part of the light that shows up in the neighbours, a quarter on each side."},
+           {.key = "coupled_share",
+            .unit = "1",
+            .minimum = 0,
+            .maximum = 1,
+            .default_value = 0,
+            .scale = ParameterScale::linear,
+            .meaning = "Share that the pixels' capacitance couples after the shot noise, which correlates "
+                       "neighbours; the rest diffuses as charge. A qCMOS only: a CCD's is all charge."},
+           {.key = "noise_share",
+            .unit = "1",
+            .minimum = 0,
+            .maximum = 1,
+            .default_value = 0,
+            .scale = ParameterScale::linear,
+            .meaning = "Share of the coupling that is behind the pixels' amplifiers: the read noise couples "
+                       "as well."}},
       .observables = {"point_spread_width"},
       .emccd = true,
       .qcmos = true,

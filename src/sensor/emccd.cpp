@@ -13,6 +13,7 @@
 #include "sensor/register_law.hpp"
 #include "sensor/row_loops.hpp"
 #include "sensor/sensor.hpp"
+#include "sensor/word_laws.hpp"
 
 namespace atomcam {
 namespace {
@@ -142,6 +143,12 @@ class Emccd::EmccdReadout final : public Sensor::Readout {
 
   void amplify(int row, std::span<const float> output_e, std::span<float> analog_counts) const override {
     row_loops::emccd_amplify(conversion_, output_e, noise_words(row, output_e.size()), analog_counts);
+  }
+
+  void read_noise(int row, std::span<float> noise_e) const override {
+    const std::uint32_t* words = noise_words(row, noise_e.size());
+    const float scale_e = conversion_.read_noise_counts / conversion_.counts_per_e;
+    for (std::size_t c = 0; c < noise_e.size(); ++c) noise_e[c] = word_laws::normal(words[c]) * scale_e;
   }
 
   void digitise(int, std::span<const float> analog_counts, std::span<std::uint16_t> counts) const override {

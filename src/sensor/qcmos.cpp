@@ -106,6 +106,13 @@ class Qcmos::QcmosReadout final : public Sensor::Readout {
     row_loops::qcmos_amplify(row_conversion(row), output_e, words.noise, words.flicker, analog_counts);
   }
 
+  void read_noise(int row, std::span<float> noise_e) const override {
+    const row_loops::QcmosConversion conversion = row_conversion(row);
+    const std::uint32_t* words = words_of(row, noise_e.size()).noise;
+    for (std::size_t c = 0; c < noise_e.size(); ++c)
+      noise_e[c] = word_laws::normal(words[c]) * conversion.read_noise_ratio[c] * conversion.read_noise_e;
+  }
+
   void digitise(int row, std::span<const float> analog_counts,
                 std::span<std::uint16_t> counts) const override {
     row_loops::digitise(analog_counts, conversion_.largest_count, counts);

@@ -101,6 +101,8 @@ class Sensor {
     virtual void add_serial_clock_induced_charge(int row, double events, std::span<float> output_e) const = 0;
     /// To counts before rounding: bias or offset map, preamp gain, read noise and, for a qCMOS, pixel maps.
     virtual void amplify(int row, std::span<const float> output_e, std::span<float> analog_counts) const = 0;
+    /// The read noise that amplify adds to each pixel of a row, in electrons.
+    virtual void read_noise(int row, std::span<float> noise_e) const = 0;
     /// Rounds and clips to the converter's range; a photon-number-resolving qCMOS converts to electrons.
     virtual void digitise(int row, std::span<const float> analog_counts,
                           std::span<std::uint16_t> counts) const = 0;

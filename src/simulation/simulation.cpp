@@ -261,7 +261,7 @@ class Exposure {
         readout_->collect(row, electrons);
       readout_->multiply(row, electrons, output_e);
       for (const ActiveEffect& active : state_.electron_effects)
-        active.effect->apply_to_voltages(row, output_e, collected, context(active));
+        active.effect->apply_to_voltages(row, output_e, collected, *readout_, context(active));
       for (const ActiveEffect& active : state_.register_effects)
         active.effect->apply_to_register(row, output_e, *readout_, context(active));
       readout_->amplify(row, output_e, analog_counts);

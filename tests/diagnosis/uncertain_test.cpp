@@ -29,5 +29,12 @@ TEST(Uncertain, FewDarkFramesLeaveAQcmosNoiseMoreOpen) {
   EXPECT_GT(width_of(few, "read_noise_spread"), 2 * width_of(many, "read_noise_spread"));
 }
 
+// One ray in a stack is as well known as ten in a frame: what is rare differs by orders of magnitude.
+TEST(Uncertain, RatesAreLookedForOverAllThatIsAllowed) {
+  const Uncertain rate = effect_prior(*find_effect("cosmic_rays")).front();
+  EXPECT_NEAR(rate.value(rate.highest), find_effect("cosmic_rays")->parameters.front().maximum, 1e-6);
+  EXPECT_LT(rate.value(rate.lowest), 0.01);
+}
+
 }  // namespace
 }  // namespace atomcam

@@ -267,12 +267,14 @@ TEST(ElectronEffects, CoupledPixelsOfAQcmosCorrelate) {
   constexpr double k = 0.2, variance = 1000.0 * 1000 / 12, pixels = 128 * 128;
   const auto effect = make("pixel_crosstalk", {k, 1});
   const FrameContext context = stage.context("pixel_crosstalk", 0);
+  const SensorLight dark;
+  const auto readout = stage.sensor->begin(stage.settings, dark, 7, 0);
   ElectronImage image = held;
   effect->apply_to_electrons(image, context);
   double product = 0, sum = 0, before = 0;
   for (int row = 0; row < 128; ++row) {
     std::vector<float> output(image.row(row).begin(), image.row(row).end());
-    effect->apply_to_voltages(row, output, image, context);
+    effect->apply_to_voltages(row, output, image, *readout, context);
     for (int c = 0; c + 1 < 128; ++c)
       product += (static_cast<double>(output[c]) - 499.5) * (static_cast<double>(output[c + 1]) - 499.5);
     for (int c = 0; c < 128; ++c) sum += static_cast<double>(output[c]), before += held(row, c);
@@ -282,8 +284,49 @@ TEST(ElectronEffects, CoupledPixelsOfAQcmosCorrelate) {
   EXPECT_NEAR(product / (127 * 128), 2 * k / 4 * (1 - k) * variance, 5 * error);
   stage.sensor = ccd;  // its register is behind: nothing couples, all diffuses
   std::vector<float> output(128, 7);
-  effect->apply_to_voltages(5, output, held, stage.context("pixel_crosstalk", 0));
+  effect->apply_to_voltages(5, output, held, *readout, stage.context("pixel_crosstalk", 0));
   EXPECT_EQ(output, std::vector<float>(128, 7));
+}
+
+// Behind the amplifiers the read noise couples as well: along rows and columns.
+TEST(ElectronEffects, CoupledReadNoiseOfAQcmosCorrelates) {
+  Stage stage;
+  QcmosDescription description;
+  description.shape = {128, 128};
+  ReadoutMode mode;
+  mode.electrons_per_count = 0.1;
+  mode.read_noise_e = 0.4;
+  description.readout_modes.push_back(mode);
+  stage.sensor = make_qcmos(description, "test");
+  const SensorLight dark;
+  const ElectronImage nothing({128, 128});
+  constexpr double k = 0.2;
+  for (const double share : {0.0, 0.5, 1.0}) {
+    const auto effect = make("pixel_crosstalk", {k, 1, share});
+    double across = 0, down = 0, square = 0, alone = 0;
+    for (std::uint64_t frame = 0; frame < 10; ++frame) {
+      const FrameContext context = stage.context("pixel_crosstalk", frame);
+      const auto readout = stage.sensor->begin(stage.settings, dark, 7, frame);
+      std::vector<float> above(128), noise(128), output(128);
+      for (int row = 0; row < 128; ++row) {
+        std::swap(above, output);
+        readout->read_noise(row, noise);
+        output = noise;
+        effect->apply_to_voltages(row, output, nothing, *readout, context);
+        for (std::size_t c = 0; c < 127; ++c) {
+          across += static_cast<double>(output[c]) * static_cast<double>(output[c + 1]);
+          if (row > 0) down += static_cast<double>(output[c]) * static_cast<double>(above[c]);
+          square += static_cast<double>(output[c]) * static_cast<double>(output[c]);
+          alone += static_cast<double>(noise[c]) * static_cast<double>(noise[c]);
+        }
+      }
+    }
+    const double part = k * share, own = (1 - part) * (1 - part) + part * part / 4;
+    const double neighbours = 2 * part / 4 * (1 - part), error = 5 / std::sqrt(10.0 * 128 * 127);
+    EXPECT_NEAR(across / alone, neighbours, error) << share;
+    EXPECT_NEAR(down / alone, neighbours, error) << share;
+    EXPECT_NEAR(square / alone, own, error) << share;
+  }
 }
 
 TEST(ElectronEffects, HotPixelsCosmicRaysLagAndSmearHaveTheirMeans) {

@@ -47,8 +47,8 @@ ChangedParameter changed_parameter(const Population& plain, const std::vector<Un
   const Correlation correlation(own);
   const Eigen::VectorXd y = compressed(z);
   const auto size = [&](const Eigen::VectorXd& v) { return correlation.squares(v)(0); };
-  std::vector<double> by_chance;
-  for (Eigen::Index n = 0; n < own.rows(); ++n) by_chance.push_back(size(compressed(own.row(n).transpose())));
+  const Eigen::VectorXd sizes = correlation.squares(compressed_rows(own).transpose());
+  std::vector<double> by_chance(sizes.begin(), sizes.end());
   const auto middle = by_chance.begin() + static_cast<std::ptrdiff_t>(by_chance.size() / 2);
   std::nth_element(by_chance.begin(), middle, by_chance.end());
   const double before = size(y), floor = *middle;

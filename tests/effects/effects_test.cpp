@@ -249,18 +249,22 @@ TEST(ElectronEffects, CrosstalkKeepsEveryElectron) {
   EXPECT_NEAR(image(63, 64), 2500, 5 * std::sqrt(2500.0));
 }
 
-// Coupled voltages keep the light and correlate the noise: of k in four neighbours, 2 k / 4 (1 - k) of the
-// variance.
-TEST(ElectronEffects, CoupledPixelsOfAQcmosCorrelate) {
-  Stage stage;
+std::shared_ptr<const Sensor> small_qcmos() {
   QcmosDescription description;
   description.shape = {128, 128};
   ReadoutMode mode;
   mode.electrons_per_count = 0.1;
   mode.read_noise_e = 0.4;
   description.readout_modes.push_back(mode);
+  return make_qcmos(description, "test");
+}
+
+// Coupled voltages keep the light and correlate the noise: of k in four neighbours, 2 k / 4 (1 - k) of the
+// variance.
+TEST(ElectronEffects, CoupledPixelsOfAQcmosCorrelate) {
+  Stage stage;
   const auto ccd = stage.sensor;
-  stage.sensor = make_qcmos(description, "test");
+  stage.sensor = small_qcmos();
   ElectronImage held({128, 128});
   RandomStream random(3, stream_id("held"), 0, 0);
   for (std::int32_t& electrons : held.pixels()) electrons = static_cast<std::int32_t>(random() % 1000);
@@ -291,13 +295,7 @@ TEST(ElectronEffects, CoupledPixelsOfAQcmosCorrelate) {
 // Behind the amplifiers the read noise couples as well: along rows and columns.
 TEST(ElectronEffects, CoupledReadNoiseOfAQcmosCorrelates) {
   Stage stage;
-  QcmosDescription description;
-  description.shape = {128, 128};
-  ReadoutMode mode;
-  mode.electrons_per_count = 0.1;
-  mode.read_noise_e = 0.4;
-  description.readout_modes.push_back(mode);
-  stage.sensor = make_qcmos(description, "test");
+  stage.sensor = small_qcmos();
   const SensorLight dark;
   const ElectronImage nothing({128, 128});
   constexpr double k = 0.2;

@@ -232,10 +232,12 @@ void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& pla
         one.pull = 0;
         continue;
       }
-      if (one.cycle > 0)
+      if (one.cycle > 0) {
         moved -= one.cycle * std::floor((moved - one.lowest) / one.cycle);
-      else
+      } else {
+        one.make_room_at(moved);
         moved = std::clamp(moved, one.lowest, one.highest);
+      }
       const double range = one.highest - one.lowest;
       const double went = std::fabs(moved - one.centre);
       if (went > std::max(1.5 * step.error(at), 0.004 * range)) settled = false;

@@ -58,6 +58,11 @@ void Uncertain::move_to(double coordinate) {
   highest = centre + bounds * width;
 }
 
+void Uncertain::make_room_at(double coordinate) {
+  if (coordinate < lowest) lowest = std::max(least, coordinate - width);
+  if (coordinate > highest) highest = std::min(most, coordinate + width);
+}
+
 std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
   std::vector<Uncertain> open;
   const Lab& lab = calibration.lab;
@@ -214,6 +219,8 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect) {
     if (logarithmic) low = std::max(low, high * 1e-6);
     one.lowest = logarithmic ? std::log(low) : low;
     one.highest = logarithmic ? std::log(high) : high;
+    one.least = !logarithmic ? p.minimum : p.minimum > 0 ? std::log(p.minimum) : one.lowest;
+    one.most = logarithmic ? std::log(p.maximum) : p.maximum;
     one.centre = 0.5 * (one.lowest + one.highest);
     one.width = (one.highest - one.lowest) / std::sqrt(12.0);
     one.usual = std::clamp(logarithmic ? std::log(std::max(low, p.default_value)) : p.default_value,

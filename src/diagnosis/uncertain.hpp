@@ -20,6 +20,8 @@ struct Uncertain {
   double width = 0;        // 1 sigma of the draws, coordinate
   double lowest = -1e300;  // bounds of the coordinate
   double highest = 1e300;
+  double least = -1e300;  // bounds of the parameter itself: an effect's is looked for within the others, but
+  double most = 1e300;    // a fit that leads out of those is let go on
   double farthest = 1e300;  // from where calibration has it (zero): no recalibration leads beyond
   double usual = 0;         // an effect's default, coordinate
   double cycle = 0;         // > 0: an angle, in units of the coordinate
@@ -35,6 +37,8 @@ struct Uncertain {
 
   /// A calibration's parameter: the centre moves there, if not too far, and the bounds with it.
   void move_to(double coordinate);
+  /// An effect's parameter: room to go there and a width beyond, as far as the parameter itself goes.
+  void make_room_at(double coordinate);
 };
 
 /// What calibration leaves open of the plain model: every fitted figure, a few of its errors wide.

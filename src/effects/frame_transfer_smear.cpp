@@ -3,6 +3,8 @@
 namespace atomcam {
 namespace {
 
+constexpr double most_electrons = 1e9;  // of a pixel's smear: far beyond any full well, within its integer
+
 class FrameTransferSmear : public Effect {
  public:
   explicit FrameTransferSmear(const ParameterValues& values)
@@ -27,7 +29,8 @@ class FrameTransferSmear : public Effect {
         below[c] -= own;
         const double passed =
             above_ * static_cast<double>(above[c]) + below_ * static_cast<double>(below[c]) + own;
-        if (passed > 0) held[c] += static_cast<std::int32_t>(sample_poisson(random, share * passed));
+        const double smeared = std::min(share * passed, most_electrons);
+        if (smeared > 0) held[c] += static_cast<std::int32_t>(sample_poisson(random, smeared));
         above[c] += own;
       }
     }
@@ -52,7 +55,7 @@ EffectDeclaration frame_transfer_smear() {
           {{.key = "scale",
             .unit = "1",
             .minimum = 0,
-            .maximum = 1000,
+            .maximum = 10000,
             .default_value = 1,
             .scale = ParameterScale::linear,
             .meaning = "Multiple of the smear that shift speed and exposure give; 1 is the camera as it is."},

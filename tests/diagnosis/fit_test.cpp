@@ -11,7 +11,7 @@
 namespace atomcam {
 namespace {
 
-TEST(Fit, ReturnsFromAStepThatLedAstray) {
+TEST(Fit, ReturnsFromAStepThatLedAstrayAndGoesWhereNobodyLooked) {
   BlindOptions options;
   options.rows = options.columns = 48;
   options.seed = 5;
@@ -36,16 +36,20 @@ TEST(Fit, ReturnsFromAStepThatLedAstray) {
   const RealStack real{&values, &calibration, &input.notes};
   const Model plain = plain_model(real, 60, plan);
 
-  Model model;
-  model.effects = options.effects;
-  model.lab = plain.lab;
-  model.open = plain.open;
-  model.first_effect_parameter = plain.first_effect_parameter;
-  for (Uncertain& one : effect_prior(*find_effect("row_noise"))) {
-    one.centre = one.usual;
-    one.width = 0.05 * (one.highest - one.lowest);
-    model.open.push_back(std::move(one));
-  }
+  const auto with_row_noise = [&] {
+    Model model;
+    model.effects = options.effects;
+    model.lab = plain.lab;
+    model.open = plain.open;
+    model.first_effect_parameter = plain.first_effect_parameter;
+    for (Uncertain& one : effect_prior(*find_effect("row_noise"))) {
+      one.centre = one.usual;
+      one.width = 0.05 * (one.highest - one.lowest);
+      model.open.push_back(std::move(one));
+    }
+    return model;
+  };
+  Model model = with_row_noise();
   const auto strength = static_cast<std::size_t>(plain.first_effect_parameter);
   const FitGround ground{&plain, real};
   fit(model, ground, 4, plan, numbers_of("first rounds"));
@@ -59,6 +63,13 @@ TEST(Fit, ReturnsFromAStepThatLedAstray) {
   fit(model, ground, 3, plan, numbers_of("more rounds"));
   EXPECT_LE(model.distance, reached);
   EXPECT_NEAR(model.open[strength].centre, there, 0.1 * range);
+
+  // Looked for among strengths that are all too low.
+  Model weaker = with_row_noise();
+  weaker.open[strength].highest = there - 0.7;
+  weaker.open[strength].centre = there - 1.2;
+  fit(weaker, ground, 6, plan, numbers_of("from below"));
+  EXPECT_NEAR(weaker.open[strength].centre, there, 0.1 * range);
 }
 
 }  // namespace

@@ -59,8 +59,9 @@ void Uncertain::move_to(double coordinate) {
 }
 
 void Uncertain::make_room_at(double coordinate) {
-  if (coordinate < lowest) lowest = std::max(least, coordinate - width);
-  if (coordinate > highest) highest = std::min(most, coordinate + width);
+  constexpr double room = 2;  // widths
+  lowest = std::max(least, std::min(lowest, coordinate - room * width));
+  highest = std::min(most, std::max(highest, coordinate + room * width));
 }
 
 std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {

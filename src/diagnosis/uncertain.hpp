@@ -37,7 +37,7 @@ struct Uncertain {
 
   /// A calibration's parameter: the centre moves there, if not too far, and the bounds with it.
   void move_to(double coordinate);
-  /// An effect's parameter: room to go there and a width beyond, as far as the parameter itself goes.
+  /// An effect's parameter: room to go there and to draw about it, as far as the parameter itself goes.
   void make_room_at(double coordinate);
 };
 

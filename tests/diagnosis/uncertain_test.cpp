@@ -41,12 +41,12 @@ TEST(Uncertain, AFitMayLeadBeyondWhereAnEffectIsLookedForAndNoFartherThanItGoes)
   Uncertain one = effect_prior(*find_effect("frame_transfer_smear")).front();
   ASSERT_LT(one.value(one.highest), 0.5 * scale.maximum);
   one.width = 0.1;
-  const double inside = one.highest;
-  one.make_room_at(inside);
-  EXPECT_EQ(one.highest, inside);
-  one.make_room_at(inside + 1);
-  EXPECT_DOUBLE_EQ(one.highest, inside + 1.1);
-  one.make_room_at(inside + 100);
+  const double looked_for = one.highest;
+  one.make_room_at(looked_for - 1);
+  EXPECT_EQ(one.highest, looked_for);
+  one.make_room_at(looked_for + 1);
+  EXPECT_DOUBLE_EQ(one.highest, looked_for + 1.2);
+  one.make_room_at(looked_for + 100);
   EXPECT_NEAR(one.value(one.highest), scale.maximum, 1e-6 * scale.maximum);
 }
 

@@ -20,6 +20,7 @@ constexpr double reject_level = 0.005;  // p-value: a fitted model below it is n
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 
 constexpr double least_closed = 0.75;  // at best, of the gap on held-out frames, for an effect to be named
+constexpr double clear = 5.5, as_it_was = 0.8;  // deviations that are left; of those that were there before
 constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
 
 constexpr std::uintmax_t largest_cache = std::uintmax_t{4} << 30;
@@ -402,11 +403,21 @@ class Diagnoser {
   /// Nothing is left that the model does not have, or as little of a large gap as somebody's camera and the
   /// catalogue's model of its effect may well differ.
   bool passes(const Model& model) const {
+    if (contradicted(model)) return false;
     const double closed = closed_by(model);
     // Stacks that scatter widely are never odd: an explanation also has to take the gap away.
     if (model.p_value >= reject_level) return closed > least_to_pass;
     if (model.distance >= like_own) return false;
     return closed > 0.95 || (closed > 0.8 && model.p_value > 1e-7);
+  }
+
+  /// A clear difference is left as it was, or made: whatever the effect takes away, it is not what made that.
+  bool contradicted(const Model& model) const {
+    const Standard &plain = *plain_.standard, &own = *model.standard;
+    const Eigen::ArrayXd left = tolerated(model.z, own.deviation(), plain.discrepancy()).array().abs();
+    const Eigen::ArrayXd before = plain_.z.cwiseProduct(plain.deviation()).array().abs(),
+                         after = model.z.cwiseProduct(own.deviation()).array().abs();
+    return (plain.deviation().array() > 0 && left > clear && after > as_it_was * before).any();
   }
 
   /// Models that pass: one by far the likeliest, or several that the data cannot tell apart.
@@ -446,7 +457,7 @@ class Diagnoser {
     if (models.empty()) return;
     Model& best = likeliest(models);
     const double closed = closed_by(best);
-    if (closed < 0.9) return;
+    if (closed < 0.9 || contradicted(best)) return;
     accept(best, 0.5 + 0.5 * closed);
     result_.verdict = closed >= 0.95 ? Verdict::explained : Verdict::partly_explained;
   }

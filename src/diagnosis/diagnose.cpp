@@ -20,8 +20,9 @@ constexpr double reject_level = 0.005;  // p-value: a fitted model below it is n
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 
 constexpr double least_closed = 0.75;  // at best, of the gap on held-out frames, for an effect to be named
-constexpr double clear = 5.5, as_it_was = 0.8;  // deviations that are left; of those that were there before
 constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
+constexpr double clear_difference = 5.5;    // deviations from a model that nobody's camera explains
+constexpr double as_it_was = 0.8;           // what is left of one from the plain model, in its parts
 
 constexpr std::uintmax_t largest_cache = std::uintmax_t{4} << 30;
 
@@ -417,7 +418,7 @@ class Diagnoser {
     const Eigen::ArrayXd left = tolerated(model.z, own.deviation(), plain.discrepancy()).array().abs();
     const Eigen::ArrayXd before = plain_.z.cwiseProduct(plain.deviation()).array().abs(),
                          after = model.z.cwiseProduct(own.deviation()).array().abs();
-    return (plain.deviation().array() > 0 && left > clear && after > as_it_was * before).any();
+    return (plain.deviation().array() > 0 && left > clear_difference && after > as_it_was * before).any();
   }
 
   /// Models that pass: one by far the likeliest, or several that the data cannot tell apart.

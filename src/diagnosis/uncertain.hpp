@@ -20,8 +20,8 @@ struct Uncertain {
   double width = 0;        // 1 sigma of the draws, coordinate
   double lowest = -1e300;  // bounds of the coordinate
   double highest = 1e300;
-  double least = -1e300;  // bounds of the parameter itself: an effect's is looked for within the others, but
-  double most = 1e300;    // a fit that leads out of those is let go on
+  double least = -1e300;  // the parameter's own bounds: an effect is looked for within the others, and a fit
+  double most = 1e300;    // may lead beyond them, but not beyond these
   double farthest = 1e300;  // from where calibration has it (zero): no recalibration leads beyond
   double usual = 0;         // an effect's default, coordinate
   double cycle = 0;         // > 0: an angle, in units of the coordinate

@@ -19,6 +19,7 @@ struct StatisticDeclaration {
   std::string axis;        // "space", "time", "intensity", "frequency", "site", "shape"
   std::string place;       // in words: "dark pixels", "rows", "columns", "occupied sites", "whole frame"
   bool darks = false;      // measured in the frames with the shutter closed
+  bool outliers = false;   // logarithm of 1 and a sum over outliers: a part of one of them means nothing
 };
 
 /// Where the battery splits a stack: frame n belongs to part (n / block) % 2.

@@ -32,7 +32,16 @@ class Sheet {
 
   /// `name` after "light.<family>." or "dark.<family>.".
   void put(std::string_view name, double value) { put(name, {}, value); }
-  void put(std::string_view name, std::string_view suffix, double value) {
+  void put(std::string_view name, std::string_view suffix, double value) { add(name, suffix, value, false); }
+  /// A sum over outliers.
+  void put_outliers(std::string_view name, std::string_view suffix, double sum) {
+    add(name, suffix, std::log1p(sum), true);
+  }
+  std::vector<StatisticDeclaration> take_declarations() { return std::move(declarations_); }
+  std::vector<double> take_values() { return std::move(values_); }
+
+ private:
+  void add(std::string_view name, std::string_view suffix, double value, bool outliers) {
     if (!declaring_) return values_.push_back(any_ && std::isfinite(value) ? value : not_a_number);
     std::string full = darks_ ? "dark." : "light.";
     full.append(family_).append(".").append(name);
@@ -41,12 +50,10 @@ class Sheet {
                              .observable = std::string(kind_.observable),
                              .axis = std::string(kind_.axis),
                              .place = std::string(kind_.place),
-                             .darks = darks_});
+                             .darks = darks_,
+                             .outliers = outliers});
   }
-  std::vector<StatisticDeclaration> take_declarations() { return std::move(declarations_); }
-  std::vector<double> take_values() { return std::move(values_); }
 
- private:
   bool declaring_;
   bool darks_ = false, any_ = false;
   std::string_view family_;

@@ -111,8 +111,8 @@ class StaticMaps : public Family {
       if (std::abs(v) > 2) outliers.take(static_cast<double>(v));
       v = std::clamp(v, -4.0f, 4.0f);
     }
-    sheet.put("above", ok(std::log1p(outliers.above)));
-    if (all) sheet.put("below", ok(std::log1p(outliers.below)));
+    sheet.put_outliers("above", {}, ok(outliers.above));
+    if (all) sheet.put_outliers("below", {}, ok(outliers.below));
     sheet.put("highest", ok(std::log(outliers.highest + 1)));
     if (all) sheet.put("lowest", ok(std::log(1 - outliers.lowest)));
     // Lines, each in units of its own noise.

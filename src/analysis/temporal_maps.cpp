@@ -178,8 +178,8 @@ class TemporalMaps : public Family {
     const std::vector<std::uint32_t>& quiet = quiet_;
     Outliers noisy;
     for (const std::uint32_t p : quiet) noisy.take(static_cast<double>(logs[p]) / spread);
-    sheet.put("noisy", ok(std::log1p(noisy.above)));
-    sheet.put("quiet", ok(std::log1p(noisy.below)));
+    sheet.put_outliers("noisy", {}, ok(noisy.above));
+    sheet.put_outliers("quiet", {}, ok(noisy.below));
     sheet.put("noisiest", ok(std::log1p(noisy.highest)));
     sheet.put("still", ok(std::asinh(still)));
     float top_linear = 0;
@@ -219,10 +219,10 @@ class TemporalMaps : public Family {
         if (std::abs(v) > 2) outliers.take(v);
         square += v * v;
       }
-      sheet.put(name, "above", ok(std::log1p(outliers.above)));
+      sheet.put_outliers(name, "above", ok(outliers.above));
       sheet.put(name, "largest", ok(outliers.highest));
       sheet.put(name, "spread", ok(std::log(square / static_cast<double>(quiet.size()))));
-      sheet.put(name, "below", ok(std::log1p(outliers.below)));
+      sheet.put_outliers(name, "below", ok(outliers.below));
     };
     tails("lag_1_map", lag1);
     sheet.kind({"kurtosis_map", "intensity", "whole frame"});
@@ -234,8 +234,8 @@ class TemporalMaps : public Family {
     Outliers shapes;
     for (const float v : centred) shapes.take(static_cast<double>(v) / kurtosis_spread);
     sheet.put("kurtosis", ok(std::log(total_fourth / total_square / total_square * n * frames)));
-    sheet.put("flat_pixels", ok(std::log1p(shapes.below)));
-    sheet.put("peaked_pixels", ok(std::log1p(shapes.above)));
+    sheet.put_outliers("flat_pixels", {}, ok(shapes.below));
+    sheet.put_outliers("peaked_pixels", {}, ok(shapes.above));
     if (layout_.packed.empty()) return;
     // The noise left over a site's fit, by the share of its light.
     float peak = 0;

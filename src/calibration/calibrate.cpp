@@ -50,10 +50,12 @@ class Calibrator {
     result_.lab = lab_of_notes(notes_);
     result_.has_sites = notes_.grid.has_value();
     tell("reading frames", 0);
-    light_ = sum_stack(frames_);
+    const double noted_gain = notes_.em_gain / notes_.electrons_per_count;
+    light_ = sum_stack_without_strikes(frames_, noted_gain);
     if (input_.darks) {
-      Selected darks(*input_.darks, input_.use);
-      dark_ = sum_stack(darks.frames() >= 4 ? static_cast<const FrameSequence&>(darks) : *input_.darks);
+      const Selected darks(*input_.darks, input_.use);
+      dark_ = sum_stack_without_strikes(
+          darks.frames() >= 4 ? static_cast<const FrameSequence&>(darks) : *input_.darks, noted_gain);
     }
     if (!input_.like) {
       check_stack(light_, "frames");

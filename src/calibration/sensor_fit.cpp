@@ -92,6 +92,53 @@ StackSums sum_stack(const FrameSequence& frames) {
   return sums;
 }
 
+StackSums sum_stack_without_strikes(const FrameSequence& frames, double counts_per_electron) {
+  // Beyond the pixel's other counts. A site that is filled once in thirty frames is not struck. Of two
+  // strikes the second shows once the first is left out.
+  constexpr double electrons = 40, deviations = 6;
+  constexpr int rounds = 4;
+  const double least = electrons * counts_per_electron;
+  const StackSums all = sum_stack(frames);
+  const std::size_t pixels = all.sum.pixels().size();
+  const double n = static_cast<double>(all.frames);
+  StackSums sums = all;
+  std::vector<double> struck(pixels, 0);
+  double before = 0;
+  for (int round = 0; round < rounds; ++round) {
+    const auto is_struck = [&](std::size_t i, double c) {
+      const double above = c - sums.mean(i), kept = n - struck[i];
+      if (above <= least || kept < 3) return false;
+      const double off = above * kept / (kept - 1);  // from the mean of the others
+      const double variance = ((kept - 1) * sums.variance(i) - off * above) / (kept - 2);
+      return off > least + deviations * std::sqrt(std::max(0.0, variance));
+    };
+    std::vector<double> number(pixels, 0), sum(pixels, 0), squares(pixels, 0);
+    std::vector<double> frame_mean = all.frame_mean;
+    frames.visit([&](std::size_t k, const CountImage& frame) {
+      const auto counts = frame.pixels();
+      for (std::size_t i = 0; i < pixels; ++i) {
+        const double c = counts[i];
+        if (!is_struck(i, c)) continue;
+        ++number[i];
+        sum[i] += c;
+        squares[i] += c * c;
+        frame_mean[k] -= (c - sums.mean(i)) / static_cast<double>(pixels);
+      }
+    });
+    const double found = std::accumulate(number.begin(), number.end(), 0.0);
+    if (found == before) break;
+    before = found;
+    struck = std::move(number);
+    sums.frame_mean = std::move(frame_mean);
+    for (std::size_t i = 0; i < pixels; ++i) {
+      const double as_all = n / std::max(1.0, n - struck[i]);
+      sums.sum.pixels()[i] = (all.sum.pixels()[i] - sum[i]) * as_all;
+      sums.sum_of_squares.pixels()[i] = (all.sum_of_squares.pixels()[i] - squares[i]) * as_all;
+    }
+  }
+  return sums;
+}
+
 CountFit fit_counts(const std::vector<CountHistogram>& histograms, bool first_is_dark, const CountLaw& start,
                     const CountFitOptions& options) {
   const int count = static_cast<int>(histograms.size());

@@ -43,6 +43,10 @@ struct StackSums {
   double median_variance() const;
 };
 StackSums sum_stack(const FrameSequence& frames);
+/// The same with each count that is farther above its pixel's mean than an electron of `counts_per_electron`
+/// allows for any light (a cosmic ray holds thousands of electrons) replaced by the mean of the others. The
+/// occurrences stay.
+StackSums sum_stack_without_strikes(const FrameSequence& frames, double counts_per_electron);
 
 /// Population figures of a qCMOS by robust statistics (medians and quantiles), so that a few odd pixels do
 /// not move them.

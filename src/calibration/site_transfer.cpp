@@ -111,10 +111,46 @@ std::vector<double> struck_from(const StackModel& model, const TransferGround& g
   return limit;
 }
 
+/// What a frame says nothing about: struck pixels, and all of a site's image whose light was fitted to one.
+class Struck {
+ public:
+  Struck(const StackModel& model, std::vector<double> limit)
+      : model_(model), limit_(std::move(limit)), out_(limit_.size(), 0) {}
+
+  /// Of a frame's rest; nullptr if nothing is struck.
+  const std::vector<std::uint8_t>* find(const std::vector<double>& rest) {
+    std::fill(out_.begin(), out_.end(), 0);
+    bool any = false;
+    for (std::size_t i = 0; i < rest.size(); ++i)
+      if (rest[i] > limit_[i]) out_[i] = struck, any = true;
+    if (!any) return nullptr;
+    for (const SiteImage& site : model_.sites)
+      if (in_stamp(site, [](std::uint8_t& pixel) { return pixel == struck; }))
+        in_stamp(site, [](std::uint8_t& pixel) { return pixel = std::max(pixel, beside), false; });
+    return &out_;
+  }
+
+ private:
+  static constexpr std::uint8_t beside = 1, struck = 2;
+
+  /// Whether `pixel` says so of any pixel of a site's image.
+  template <class Pixel>
+  bool in_stamp(const SiteImage& site, const Pixel& pixel) {
+    for (int r = 0; r < site.share.rows(); ++r)
+      for (int c = 0; c < site.share.columns(); ++c)
+        if (pixel(out_[static_cast<std::size_t>(site.top + r) * model_.shape.columns + (site.left + c)]))
+          return true;
+    return false;
+  }
+
+  const StackModel& model_;
+  std::vector<double> limit_;
+  std::vector<std::uint8_t> out_;
+};
+
 /// Splits every frame into its sites' light (least squares) and the rest.
 Sums sum_up(const FrameSequence& frames, const StackModel& model, const std::vector<double>& level, double k,
-            const std::vector<std::uint8_t>& used, const std::vector<double>& struck,
-            std::vector<float>& brightness) {
+            const std::vector<std::uint8_t>& used, Struck struck, std::vector<float>& brightness) {
   const std::size_t pixels = level.size(), sites = model.sites.size();
   Sums sums;
   sums.rest.assign(pixels, 0);
@@ -123,6 +159,7 @@ Sums sum_up(const FrameSequence& frames, const StackModel& model, const std::vec
   sums.block_light.assign(blocks, 0);
   sums.block_rest.assign(blocks, 0);
   brightness.reserve(frames.frames() * sites);
+  std::vector<std::vector<std::uint32_t>> left_out(blocks, std::vector<std::uint32_t>(pixels, 0));
   std::vector<double> rest(pixels);
   std::size_t visited = 0;
   frames.visit([&](std::size_t, const CountImage& frame) {
@@ -154,14 +191,30 @@ Sums sum_up(const FrameSequence& frames, const StackModel& model, const std::vec
     double whole_rest = 0;
     for (std::size_t s = 0; s < sites; ++s)
       sums.block_light[block] += static_cast<double>(brightness[first + s]);
+    const std::vector<std::uint8_t>* const out = struck.find(rest);
     for (std::size_t i = 0; i < pixels; ++i) {
-      if (used[i] && rest[i] > struck[i]) continue;
+      if (out && (*out)[i]) {
+        ++left_out[block][i];
+        continue;
+      }
       sums.rest[i] += rest[i];
       if (used[i]) sums.block_rest[block] += rest[i], whole_rest += rest[i];
       sums.squares[block][i] += rest[i] * rest[i];
     }
     sums.frame_rest.push_back(whole_rest);
   });
+  // The frames left out are taken to be as the others.
+  const double count = static_cast<double>(frames.frames());
+  for (std::size_t i = 0; i < pixels; ++i) {
+    double out = 0;
+    for (int block = 0; block < blocks; ++block) {
+      const auto b = static_cast<std::size_t>(block);
+      const double own = frames_of(block, count), missing = left_out[b][i];
+      if (missing > 0) sums.squares[b][i] *= missing < own ? own / (own - missing) : 0;
+      out += missing;
+    }
+    if (out > 0) sums.rest[i] *= out < count ? count / (count - out) : 0;
+  }
   return sums;
 }
 
@@ -209,7 +262,8 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
   for (std::size_t i = 0; i < pixels; ++i)
     level[i] = ground.dark_counts[i] + (background + site_e * far[i]) * k;
   const std::vector<std::uint8_t> used = pixels_with_less_light(model, ground.odd);
-  const Sums sums = sum_up(frames, model, level, k, used, struck_from(model, ground), transfer.brightness_e);
+  const Sums sums =
+      sum_up(frames, model, level, k, used, {model, struck_from(model, ground)}, transfer.brightness_e);
 
   std::vector<double> shot(pixels);
   for (std::size_t i = 0; i < pixels; ++i)

@@ -246,12 +246,7 @@ class Diagnoser {
       start_at(scans[k].draws.row(at).transpose(), ", nearest");
       if (k >= 2 || view.share < clear_share) continue;
       // And the effect in its usual form: far from it a valley may lead away.
-      Eigen::VectorXd usual = view.best;
-      for (Eigen::Index j = 1; j < usual.size(); ++j) {
-        const Uncertain& one = scans[k].open[static_cast<std::size_t>(j)];
-        if (one.cycle == 0) usual(j) = one.usual;
-      }
-      start_at(usual, ", usual");
+      start_at(view.usual, ", usual");
     }
     std::vector<Model> singles = fit_and_judge(std::move(contenders), 0.58, 0.8);
     if (choose(singles)) return;

@@ -73,6 +73,7 @@ BatteryValues simulate_and_measure(const Lab& lab, const StackPlan& plan, std::u
 }
 
 void Population::append(const Population& more) {
+  outliers = more.outliers;
   const auto stack_rows = [](Eigen::MatrixXd& upper, const Eigen::MatrixXd& lower) {
     if (upper.rows() == 0) {
       upper = lower;
@@ -119,7 +120,9 @@ Population simulate_population(const Lab& lab, const std::vector<Uncertain>& ope
                                const std::function<void(int)>& progress) {
   Population population;
   population.draws = given ? *given : draw_parameters(open, stacks, plan.seed, first);
-  const auto statistics = static_cast<Eigen::Index>(battery(plan.model, plan.dark_frames > 0).size());
+  const std::vector<StatisticDeclaration> declared = battery(plan.model, plan.dark_frames > 0);
+  const auto statistics = std::ssize(declared);
+  for (const StatisticDeclaration& one : declared) population.outliers.push_back(one.outliers);
   population.whole.resize(stacks, statistics);
   population.part[0].resize(stacks, statistics);
   population.part[1].resize(stacks, statistics);

@@ -97,7 +97,10 @@ std::vector<const EffectDeclaration*> candidates(const Model& before,
 
 void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan, std::uint64_t first,
              const std::function<void(int)>& progress) {
-  if (scan.open.empty()) scan.open = effect_prior(*scan.effect);
+  if (scan.open.empty()) {
+    const Region& frame = before.lab.settings.region;
+    scan.open = effect_prior(*scan.effect, std::max(frame.width, frame.height));
+  }
   Eigen::MatrixXd own;
   if (scan.draws.rows() == 0) {
     own = spread_draws(scan.open, stacks, plan.seed, first);
@@ -147,12 +150,14 @@ void match_view(ScanView& view, const Scan& scan, const Correlation& correlation
     Eigen::VectorXd at;
   };
   std::vector<Tried> tried;
-  const auto attempt = [&](const Eigen::MatrixXd& places) {
+  const auto evidence_at = [&](const Eigen::MatrixXd& places) -> Eigen::VectorXd {
     const Eigen::ArrayXXd variance = 1 + view.emulator->variance(places).array();
     const Eigen::MatrixXd miss =
         (real.replicate(1, places.cols()) - view.emulator->mean(places)).array() / variance.sqrt();
-    const Eigen::VectorXd evidence =
-        -0.5 * correlation.squares(miss) - 0.5 * variance.log().colwise().sum().matrix().transpose();
+    return -0.5 * correlation.squares(miss) - 0.5 * variance.log().colwise().sum().matrix().transpose();
+  };
+  const auto attempt = [&](const Eigen::MatrixXd& places) {
+    const Eigen::VectorXd evidence = evidence_at(places);
     for (Eigen::Index n = 0; n < places.cols(); ++n) tried.push_back({evidence(n), places.col(n)});
   };
   const auto likeliest = [&] {
@@ -171,6 +176,20 @@ void match_view(ScanView& view, const Scan& scan, const Correlation& correlation
     attempt(places);
   }
   const auto top = likeliest();
+  view.usual = [&] {
+    constexpr Eigen::Index strengths = 60;
+    Eigen::MatrixXd places = top->at.replicate(1, strengths);
+    for (Eigen::Index k = 0; k < places.rows(); ++k) {
+      const Uncertain& one = scan.open[static_cast<std::size_t>(k)];
+      if (k == 0)
+        places.row(k).setLinSpaced(one.lowest, one.highest);
+      else if (one.cycle == 0)
+        places.row(k).setConstant(one.usual);
+    }
+    Eigen::Index at = 0;
+    evidence_at(places).maxCoeff(&at);
+    return Eigen::VectorXd(places.col(at));
+  }();
   view.best = top->at;
   view.log_likelihood = top->evidence - before_log;
   view.share = before_log < 0 ? std::clamp(view.log_likelihood / -before_log, 0.0, 1.0) : 0;

@@ -43,6 +43,7 @@ Standard::Fit Standard::fit(const Eigen::MatrixXd& statistics, const Eigen::Matr
                              (quantile(values, 0.975) - quantile(values, 0.025)) / 4.5);
     // A statistic that the model never moves (no event of its kind) counts in its own unit.
     if (fit.spread(i) < 1e-9) fit.spread(i) = still;
+    fit.spread(i) = std::max(fit.spread(i), least_spread(i, fit.middle(i)));
   }
   fit.draw_mean = draws.colwise().mean();
   fit.draw_spread = ((draws.rowwise() - fit.draw_mean.transpose()).colwise().squaredNorm() /
@@ -96,6 +97,12 @@ Standard::Fit Standard::fit(const Eigen::MatrixXd& statistics, const Eigen::Matr
   return fit;
 }
 
+/// One outlier more or less, where hardly any stack has one, would be many deviations.
+double Standard::least_spread(Eigen::Index statistic, double middle) const {
+  const auto at = static_cast<std::size_t>(statistic);
+  return at < outliers_.size() && outliers_[at] ? still * std::exp(-std::max(0.0, middle)) : 0;
+}
+
 Eigen::VectorXd Standard::scaled(const Fit& fit, const Eigen::VectorXd& statistics) const {
   Eigen::VectorXd z = Eigen::VectorXd::Zero(statistics.size());
   for (Eigen::Index i = 0; i < z.size(); ++i)
@@ -126,7 +133,10 @@ Eigen::VectorXd Standard::deltas(const Fit& fit, const Eigen::VectorXd& z,
 
 Standard::Standard(const Population& population, Part part, std::vector<Eigen::Index> known,
                    Eigen::VectorXd discrepancy, double reach)
-    : known_(std::move(known)), discrepancy_(std::move(discrepancy)), reach_(reach) {
+    : known_(std::move(known)),
+      outliers_(population.outliers),
+      discrepancy_(std::move(discrepancy)),
+      reach_(reach) {
   const Eigen::MatrixXd& statistics = values_of(population, part);
   const Eigen::Index n = statistics.rows(), p = statistics.cols(), m = population.draws.cols();
   fit_ = fit(statistics, population.draws);

@@ -76,6 +76,7 @@ class Standard {
     Eigen::MatrixXd estimator;  // [parameter, statistic]
   };
   Fit fit(const Eigen::MatrixXd& statistics, const Eigen::MatrixXd& draws) const;
+  double least_spread(Eigen::Index statistic, double middle) const;
   Eigen::VectorXd scaled(const Fit& fit, const Eigen::VectorXd& statistics) const;
   Eigen::VectorXd deltas(const Fit& fit, const Eigen::VectorXd& z, const Eigen::VectorXd& known_values,
                          double reach) const;
@@ -83,6 +84,7 @@ class Standard {
                         double reach) const;
 
   std::vector<Eigen::Index> known_;
+  std::vector<bool> outliers_;
   Eigen::VectorXd discrepancy_;
   double reach_;
   Fit fit_;

@@ -188,8 +188,9 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
   return open;
 }
 
-std::vector<Uncertain> effect_prior(const EffectDeclaration& effect) {
+std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, double frame_px) {
   std::vector<Uncertain> open;
+  const bool in_image = effect.plane == Plane::scene || effect.plane == Plane::photons;
   const ParameterValues defaults = [&] {
     ParameterValues values;
     for (const ParameterDeclaration& p : effect.parameters) values.push_back(p.default_value);
@@ -204,7 +205,9 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect) {
     const ParameterDeclaration& first = effect.parameters.front();
     const bool size = !strength && p.minimum == 0 && p.unit == first.unit && p.unit != "1";
     const bool logarithmic = strength || size || p.scale == ParameterScale::logarithmic;
-    double low = p.minimum, high = p.maximum;
+    double low = p.minimum, most = p.maximum;
+    if (in_image && p.unit == "px") most = std::min(most, std::max(2 * p.minimum, frame_px));
+    double high = most;
     if (strength || size) {
       low = std::max(p.minimum, first.default_value / 20);
       // Thirty times the usual; three hundred times for a strength that is itself a multiple of the usual.
@@ -212,16 +215,16 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect) {
       // may.
       const bool multiple = first.unit == "1" && first.default_value == 1;
       const bool orders = first.unit != "1" && first.scale == ParameterScale::logarithmic;
-      high = orders ? p.maximum : std::min(p.maximum, first.default_value * (multiple ? 300 : 30));
+      high = orders ? most : std::min(most, first.default_value * (multiple ? 300 : 30));
     } else if (logarithmic) {
-      low = std::max(p.minimum, p.default_value / 20);
-      high = std::min(p.maximum, p.default_value * 20);
+      low = std::clamp(p.default_value / 20, p.minimum, std::max(p.minimum, most / 2));
+      high = std::min(most, p.default_value * 20);
     }
     if (logarithmic) low = std::max(low, high * 1e-6);
     one.lowest = logarithmic ? std::log(low) : low;
     one.highest = logarithmic ? std::log(high) : high;
     one.least = !logarithmic ? p.minimum : p.minimum > 0 ? std::log(p.minimum) : one.lowest;
-    one.most = logarithmic ? std::log(p.maximum) : p.maximum;
+    one.most = logarithmic ? std::log(most) : most;
     one.centre = 0.5 * (one.lowest + one.highest);
     one.width = (one.highest - one.lowest) / std::sqrt(12.0);
     one.usual = std::clamp(logarithmic ? std::log(std::max(low, p.default_value)) : p.default_value,

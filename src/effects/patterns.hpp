@@ -111,6 +111,31 @@ inline double autoregressive(const FrameContext& context, std::string_view what,
   return value;
 }
 
+/// A random walk with normal steps of unit variance that starts at zero with every block of `walk_frames`
+/// frames, known at any frame by itself: the block's end first, then the middle given the ends, and so on
+/// (Levy's construction).
+inline constexpr std::uint64_t walk_frames = 1024;
+inline double random_walk(const FrameContext& context, std::string_view what) {
+  const std::uint64_t start = context.frame / walk_frames * walk_frames, at = context.frame - start;
+  const auto normal = [&](std::uint64_t level, std::uint64_t place) {
+    RandomStream random = context.random_at(what, start + place, static_cast<std::uint32_t>(level));
+    return sample_normal(random);
+  };
+  double left = 0, right = std::sqrt(static_cast<double>(walk_frames)) * normal(0, 0);
+  std::uint64_t from = 0;
+  for (std::uint64_t half = walk_frames / 2, level = 1; at > from; half /= 2, ++level) {
+    const double middle =
+        0.5 * (left + right) + std::sqrt(0.5 * static_cast<double>(half)) * normal(level, from + half);
+    if (at < from + half) {
+      right = middle;
+    } else {
+      left = middle;
+      from += half;
+    }
+  }
+  return left;
+}
+
 /// A defect's size relative to the mean of all: a gamma law of relative standard deviation `spread`; 0: all
 /// alike, 1: exponential.
 inline double relative_size(RandomStream& random, double spread) {

@@ -10,17 +10,23 @@ class RandomTelegraphNoise : public Effect {
 
   void apply_to_counts(int row, std::span<float> analog_counts, const FrameContext& context) const override {
     // The chain starts anew in equilibrium every block of frames, so that any frame is reached in bounded
-    // time. Levels lie evenly about the pixel's own mean.
-    const auto block = static_cast<std::uint64_t>(std::clamp(8 * dwell_frames_, 16.0, 512.0));
+    // time: by some eight dwells. Levels lie evenly about the pixel's own mean.
+    const auto block = static_cast<std::uint64_t>(std::max(8 * dwell_frames_, 16.0));
     const std::uint64_t first = context.frame / block * block;
+    const auto within = static_cast<double>(context.frame - first);
+    const double log_stays = math::log(1 - 1 / dwell_frames_);
     const PlaneGeometry plane(context);
     for_each_defect(context, plane, row, fraction_, [&](int column, std::uint32_t pixel, RandomStream& own) {
       if (static_cast<std::size_t>(column) >= analog_counts.size()) return;
       const double distance = amplitude_counts_ * relative_size(own, spread_);
       RandomStream random = context.random_at("state", first, pixel);
       bool high = random.uniform() < 0.5;
-      for (std::uint64_t frame = first; frame < context.frame; ++frame)
-        if (random.uniform() < 1 / dwell_frames_) high = !high;
+      // Frames up to the next jump: a geometric law.
+      for (double frame = 0;;) {
+        frame += 1 + std::floor(math::log(random.uniform()) / log_stays);
+        if (frame > within) break;
+        high = !high;
+      }
       analog_counts[column] += static_cast<float>(high ? distance / 2 : -distance / 2);
     });
   }

@@ -111,6 +111,16 @@ TEST(Calibrate, TracksOfCosmicRaysAreNoOtherGain) {
   EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.04);
 }
 
+// Nor have tracks that cross a site, whose fit of the light then goes wrong in all of its pixels.
+TEST(Calibrate, TracksAcrossSitesAreNoOtherGain) {
+  const Notes notes = rough_notes(false);
+  Lab truth = true_lab(notes);
+  truth.effects["cosmic_rays"] = {3000, 350, 12};
+  const FramesInMemory light(render(truth, 0, 250, true)), darks(render(truth, 1000000, 100, false));
+  const Calibration found = calibrate(input_of(notes, light, &darks));
+  EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.05);
+}
+
 // What whole frames have in common is no noise of single electrons.
 TEST(Calibrate, LevelsThatWanderAreNoOtherGain) {
   const Notes notes = rough_notes(false);

@@ -42,5 +42,29 @@ TEST(SensorFit, ReadNoiseOfAQcmosFromFewDarkFrames) {
   EXPECT_NEAR(std::sqrt(spread_pulls / sensors), 1.2, 0.25);
 }
 
+// A pixel that two rays hit hides them behind its own variance; a site that is filled now and then stays.
+TEST(SensorFit, StrikesAreLeftOutAndAtomsAreNot) {
+  constexpr int frames = 60;
+  constexpr double gain = 10;  // counts per electron
+  std::vector<CountImage> stack;
+  for (int n = 0; n < frames; ++n) {
+    CountImage frame(Shape{2, 3});
+    for (std::uint16_t& count : frame.pixels()) count = static_cast<std::uint16_t>(200 + (n * 7) % 5);
+    if (n % 12 == 3) frame(0, 1) += 60 * gain;  // an atom
+    stack.push_back(std::move(frame));
+  }
+  const StackSums clean = sum_stack(FramesInMemory(stack));
+  stack[17](1, 2) += 300 * gain;
+  stack[40](1, 2) += 350 * gain;
+  const FramesInMemory struck(stack);
+  const StackSums found = sum_stack_without_strikes(struck, gain);
+  for (std::size_t i = 0; i < 6; ++i) {
+    EXPECT_NEAR(found.mean(i), clean.mean(i), i == 5 ? 0.1 : 1e-9) << i;
+    EXPECT_NEAR(found.variance(i), clean.variance(i), i == 5 ? 0.1 : 1e-6) << i;
+  }
+  for (std::size_t n = 0; n < frames; ++n) EXPECT_NEAR(found.frame_mean[n], clean.frame_mean[n], 20) << n;
+  EXPECT_GT(sum_stack(struck).variance(5), 1000 * found.variance(5));
+}
+
 }  // namespace
 }  // namespace atomcam

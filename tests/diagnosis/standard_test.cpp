@@ -72,6 +72,28 @@ TEST(Standard, AnEffectIsNotDrawnTowardsTheMiddleOfItsDraws) {
   EXPECT_NEAR(std::sqrt(error / squares), 1, 0.25);
 }
 
+// One outlier where no stack has any is not a thousand deviations, a hundred where each has three are many.
+TEST(Standard, APartOfAnOutlierMeansNothing) {
+  Lines lines;
+  Population population = lines.population();
+  population.outliers.assign(statistics, false);
+  population.outliers[20] = population.outliers[21] = true;
+  for (Eigen::Index n = 0; n < stacks; ++n) {
+    for (const int i : {20, 22}) population.whole(n, i) = 1e-4 * std::fabs(population.whole(n, i));
+    population.whole(n, 21) = std::log1p(std::max(0.0, 3 + 0.5 * population.whole(n, 21)));
+  }
+  const Standard standard(population, Part::whole);
+  Eigen::VectorXd stack = lines.stack(Eigen::Vector2d(0, 0));
+  stack(20) = stack(22) = std::log1p(0.05);
+  stack(21) = std::log1p(100);
+  const Eigen::VectorXd z = standard.judge(stack);
+  EXPECT_LT(std::fabs(z(20)), 2);
+  EXPECT_GT(z(21), 10);
+  EXPECT_GT(z(22), 100);  // a number that is known to four digits is another matter
+  stack(20) = std::log1p(30);
+  EXPECT_GT(standard.judge(stack)(20), 10);
+}
+
 // A calibration's parameter is left where it is known to be.
 TEST(Standard, DrawsOutFromTheFirstOnly) {
   Lines lines;

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <set>
 #include <string>
@@ -395,7 +396,7 @@ TEST(RegisterEffects, TheTailHoldsWhatIsLeftBehind) {
 TEST(CountEffects, HaveTheirSizes) {
   const Stage stage;
   const auto rows = make("row_noise", {3});
-  const auto stripes = make("emi_stripes", {4, 37.3});
+  const auto stripes = make("emi_stripes", {4, 37.3, 60, 0.5});
   const auto drift = make("bias_drift", {2, 10, 0});
   const auto dual = make("dual_adc_peaks", {1, 10, 0});
   Moments row_offsets, stripe, drifts;
@@ -422,6 +423,38 @@ TEST(CountEffects, HaveTheirSizes) {
   std::vector<float> row(128, 20200);
   make("nonlinearity", {0.05, 20000})->apply_to_counts(0, row, stage.context("nonlinearity", 0));
   EXPECT_FLOAT_EQ(row[0], 200 + 20000 * 0.95f);
+}
+
+// Amplitude and phase of a sine of known period, by projection.
+TEST(CountEffects, StripesLeanByTheirRowPhaseAndDriftFromFrameToFrame) {
+  const Stage stage;
+  constexpr double drift = 0.04;
+  const auto stripes = make("emi_stripes", {4, 16, -50, drift});
+  const auto turns = [&](int row, std::uint64_t frame) {
+    std::vector<float> counts(128, 200);
+    stripes->apply_to_counts(row, counts, stage.context("emi_stripes", frame));
+    double s = 0, c = 0;
+    for (int k = 0; k < 128; ++k) {
+      s += counts[static_cast<std::size_t>(k)] * math::cos_turns(k / 16.0);
+      c += counts[static_cast<std::size_t>(k)] * math::sin_turns(k / 16.0);
+    }
+    EXPECT_NEAR(std::hypot(s, c) / 64, 4, 1e-3);
+    return std::atan2(s, c) / (2 * std::numbers::pi);
+  };
+  const auto apart = [](double one, double other) { return one - other - std::round(one - other); };
+  EXPECT_NEAR(apart(turns(8, 3), turns(7, 3)), -50.0 / 360, 1e-4);
+  Moments steps, far;
+  double last = turns(0, 0);
+  for (std::uint64_t frame = 1; frame < 1000; ++frame) {
+    const double now = turns(0, frame);
+    steps.add(apart(now, last));
+    last = now;
+  }
+  EXPECT_NEAR(steps.mean(), 0, 5 * steps.mean_error());
+  EXPECT_NEAR(steps.variance(), drift * drift, 5 * steps.variance_error());
+  for (std::uint64_t block = 1; block < 400; ++block)
+    far.add(apart(turns(0, 1024 * block + 9), turns(0, 1024 * block)));
+  EXPECT_NEAR(far.variance(), 9 * drift * drift, 5 * far.variance_error());
 }
 
 TEST(CountEffects, NoPixelCarriesADefectTwice) {

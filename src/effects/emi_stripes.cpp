@@ -72,7 +72,7 @@ EffectDeclaration emi_stripes() {
                 .unit = "turns",
                 .minimum = 0.001,
                 .maximum = 0.5,
-                .default_value = 0.5,
+                .default_value = 0.2,
                 .scale = ParameterScale::logarithmic,
                 .meaning = "Random change of its phase from frame to frame (standard deviation): 0.5 "
                            "leaves frames unrelated, little makes the stripes stand."}},

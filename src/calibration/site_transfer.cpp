@@ -235,6 +235,24 @@ double common_of_all(const Sums& sums, const std::vector<std::uint8_t>& used, do
   return drift_variance(sums.frame_rest, variance) / pixels;
 }
 
+/// Weights with which the used pixels' variances add up to their slope over the light, whatever both start
+/// from. Pixels with more light say less.
+std::vector<double> slope_weights(const std::vector<double>& light, const std::vector<std::uint8_t>& used,
+                                  double noise) {
+  std::vector<double> weight(light.size(), 0);
+  double weights = 0, mean = 0, range = 0;
+  for (std::size_t i = 0; i < light.size(); ++i) {
+    if (!used[i]) continue;
+    weight[i] = 1 / ((noise + light[i]) * (noise + light[i]));
+    weights += weight[i];
+    mean += weight[i] * light[i];
+  }
+  mean /= weights;
+  for (std::size_t i = 0; i < light.size(); ++i) range += weight[i] * (light[i] - mean) * (light[i] - mean);
+  for (std::size_t i = 0; i < light.size(); ++i) weight[i] *= (light[i] - mean) / range;
+  return weight;
+}
+
 /// Variance of every site's light from frame to frame.
 std::vector<double> changes_of(const std::vector<float>& brightness, std::size_t sites, double frames) {
   std::vector<double> changes(sites, 0.0);
@@ -272,9 +290,9 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
   shot = rest_variance(model, shot);
   // Atoms that come and go also move the light that the stamps do not hold.
   transfer.leaks = leakage(model, point_spread, changes_of(transfer.brightness_e, model.sites.size(), n));
-  double signal = 0, floor = 0;
+  double signal = 0, floor = 0, count = 0;
   for (std::size_t i = 0; i < pixels; ++i)
-    if (used[i]) floor += read[i] + transfer.leaks.rest_variance[i], signal += shot[i];
+    if (used[i]) floor += read[i] + transfer.leaks.rest_variance[i], signal += shot[i], ++count;
   // A block with more light has more noise: its variance goes with its own light, or the error comes out
   // too large.
   double from_sites = 0, from_all = 0, all_light = 0, all_rest = 0;
@@ -290,19 +308,32 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
   std::vector<double> by_block;
   double mean = 0, spread = 0;
   const double common = common_of_all(sums, used, n);
+  // A pixel's part in the result. Where the level of whole frames wanders, that of the dark frames is not
+  // theirs, and light counts from an unknown one on, if there is enough of it.
+  std::vector<double> part(pixels, 1 / signal);
+  bool level_known = true;
+  if (common > 0) {
+    constexpr double good_enough = 0.1;
+    std::vector<double> slope = slope_weights(shot, used, floor / count);
+    double variance = 0;
+    for (std::size_t i = 0; i < pixels; ++i)
+      variance += 2 / n * std::pow(slope[i] * (floor / count + shot[i]), 2);
+    level_known = !(variance < good_enough * good_enough);
+    if (!level_known) part = std::move(slope);
+  }
   for (int block = 0; block < blocks; ++block) {
     const auto b = static_cast<std::size_t>(block);
     const double own = frames_of(block, n);
-    double variance = 0;
+    double ratio = 0;
     for (std::size_t i = 0; i < pixels; ++i) {
-      const double m = sums.rest[i] / n;
-      if (used[i]) variance += (sums.squares[b][i] / own - m * m) * n / (n - 1);
+      if (!used[i]) continue;
+      const double m = sums.rest[i] / n, noise = read[i] + transfer.leaks.rest_variance[i] + common / count;
+      ratio += part[i] * ((sums.squares[b][i] / own - m * m) * n / (n - 1) - noise);
     }
-    variance -= common;
     const double sites_more = all_light > 0 ? from_sites * (sums.block_light[b] / own / all_light - 1) : 0;
     const double more =
         from_all > 0 ? (sites_more + sums.block_rest[b] / own - all_rest) / (from_all + all_rest) : 0;
-    by_block.push_back((variance - floor) / (signal * (1 + more)));
+    by_block.push_back(ratio / (1 + more));
     mean += by_block.back() / blocks;
   }
   for (const double value : by_block) spread += (value - mean) * (value - mean) / (blocks - 1);
@@ -313,8 +344,8 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
     for (std::size_t i = 0; i < pixels; ++i) {
       if (!used[i]) continue;
       const double variance = ground.dark_variance_e2[i];
-      dark_error += variance * variance * 2 / (darks - 1) / (signal * signal) +
-                    variance / darks * mean * mean / (from_all * from_all);
+      dark_error += variance * variance * 2 / (darks - 1) * part[i] * part[i];
+      if (level_known) dark_error += variance / darks * mean * mean / (from_all * from_all);
     }
   }
   transfer.variance_per_e = mean;

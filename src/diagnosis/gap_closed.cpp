@@ -1,6 +1,7 @@
 #include "diagnosis/gap_closed.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <set>
 
 namespace atomcam {
@@ -25,6 +26,18 @@ double closed_in(const Eigen::VectorXd& units_before, const Eigen::VectorXd& uni
   const double after = gap_of(model.z.cwiseProduct(units_after));
   const double floor = Floor(model.standard->own(), units_after).at(0.5);
   return before > floor ? 1 - std::max(0.0, after - floor) / (before - floor) : 0;
+}
+
+/// By that stack of the model's own which comes nearest to the frames, in the plain model's units.
+double closed_by_nearest(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
+  const Eigen::ArrayXd own = model.standard->deviation(), before = plain.standard->deviation();
+  const Eigen::VectorXd units = (own > 0 && before > 0).select(own / before.max(1e-300), 0.0) * mask.array();
+  double left = std::numeric_limits<double>::infinity();
+  for (const auto& stack : model.standard->own().rowwise())
+    left = std::min(left, gap_of((model.z - stack.transpose()).cwiseProduct(units)));
+  const double gap = gap_of(plain.z.cwiseProduct(mask));
+  const double floor = Floor(plain.standard->own(), mask).at(0.5);
+  return gap > floor ? 1 - std::max(0.0, left - 2 * floor) / (gap - floor) : 0;  // both of them scatter
 }
 
 /// Closed over all frames, and whether each model counts in its own units.
@@ -145,7 +158,8 @@ Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
 }
 
 double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery) {
-  return closed_by_all(model, plain, only_of(model.explains, battery)).closed;
+  const Eigen::VectorXd mask = only_of(model.explains, battery);
+  return std::min(closed_by_all(model, plain, mask).closed, closed_by_nearest(model, plain, mask));
 }
 
 Eigen::VectorXd fitted_to_first_part(const Model& model, const BatteryValues& real) {

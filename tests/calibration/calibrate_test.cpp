@@ -132,6 +132,23 @@ TEST(Calibrate, LevelsThatWanderAreNoOtherGain) {
   EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.05);
 }
 
+// Where they wander slowly, the dark frames' level is not that of the frames: no other gain either.
+TEST(Calibrate, DarksOfAnotherLevelAreNoOtherGain) {
+  const Notes notes = rough_notes(false);
+  Lab truth = true_lab(notes);
+  const auto by_a_count = [](std::vector<CountImage> frames, double sign) {
+    for (std::size_t n = 0; n < frames.size(); ++n)
+      for (std::uint16_t& count : frames[n].pixels())
+        count =
+            static_cast<std::uint16_t>(count + sign * (1 + std::sin(0.03 * static_cast<double>(n))) + 0.5);
+    return frames;
+  };
+  const FramesInMemory light(by_a_count(render(truth, 0, 250, true), 1)),
+      darks(by_a_count(render(truth, 1000000, 100, false), -1));
+  const Calibration found = calibrate(input_of(notes, light, &darks));
+  EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.05);
+}
+
 /// What is done to every row of frames after the camera.
 template <class Change>
 std::vector<CountImage> changed(std::vector<CountImage> frames, const Change& change) {

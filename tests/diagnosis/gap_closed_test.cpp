@@ -1,0 +1,56 @@
+#include "diagnosis/gap_closed.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace atomcam {
+namespace {
+
+constexpr Eigen::Index stacks = 90, statistics = 40, moved = 10;
+
+/// Statistics of no parameter; of a wide model ten and the next ten are moved alike, anew in every stack.
+class MadeUp {
+ public:
+  Model model(bool wide) {
+    Model made;
+    made.population.draws = noise(1);
+    made.population.whole = noise(statistics);
+    if (wide)
+      for (Eigen::Index n = 0; n < stacks; ++n)
+        made.population.whole.row(n).head(2 * moved).array() += 20 * std::fabs(normal_(random_));
+    made.standard = std::make_unique<Standard>(made.population, Part::whole);
+    made.p_value = wide ? 0.5 : 1e-12;
+    made.log_likelihood = wide ? 1000 : 0;
+    return made;
+  }
+  /// Of frames whose first and second ten are off by so much.
+  double closed(double first, double second) {
+    Eigen::VectorXd real = noise(statistics).row(0).transpose();
+    real.head(moved).array() += first;
+    real.segment(moved, moved).array() += second;
+    Model plain = model(false), wide = model(true);
+    plain.z = plain.standard->judge(real);
+    wide.z = wide.standard->judge(real);
+    return closed_by(wide, plain, std::vector<StatisticDeclaration>(statistics));
+  }
+
+ private:
+  Eigen::MatrixXd noise(Eigen::Index columns) {
+    return Eigen::MatrixXd::NullaryExpr(stacks, columns, [&] { return normal_(random_); });
+  }
+  std::mt19937 random_{5};
+  std::normal_distribution<double> normal_;
+};
+
+// What comes out differently in every stack may be what the frames have; not if no stack looks like them.
+TEST(GapClosed, ScatterThatGoesElsewhereClosesNothing) {
+  MadeUp made;
+  EXPECT_GT(made.closed(20, 20), 0.95);
+  EXPECT_GT(made.closed(35, 35), 0.95);
+  EXPECT_LT(made.closed(20, -20), 0.1);
+}
+
+}  // namespace
+}  // namespace atomcam

@@ -16,7 +16,6 @@
 namespace atomcam {
 namespace {
 
-constexpr double reject_level = 0.005;  // p-value: a fitted model below it is not the explanation
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 
 constexpr double least_closed = 0.75;  // at best, of the gap on held-out frames, for an effect to be named

@@ -284,7 +284,8 @@ class Calibrator {
 
   void fit_sites() {
     tell("sites and optics", 0.3);
-    const MeanImage mean = mean_image();
+    result_.mean_image = mean_image();
+    const MeanImage& mean = result_.mean_image;
     const double pixel_um = notes_.pixel_um / notes_.magnification;
     const double spot =
         std::clamp(0.25 * notes_.wavelength_um / notes_.numerical_aperture / pixel_um, 0.7, 4.0);

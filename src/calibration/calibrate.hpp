@@ -73,6 +73,7 @@ struct Calibration {
   CountFit counts;         // EMCCD
   QcmosDarkFit dark_maps;  // qCMOS
   OpticsFit optics;
+  MeanImage mean_image;  // that the optics were fitted to
   AtomFit atoms;
   std::vector<double> site_brightness;        // mean light of each site relative to the mean over sites
   std::vector<double> site_brightness_error;  // full model

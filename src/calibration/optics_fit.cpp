@@ -14,6 +14,7 @@ namespace {
 
 constexpr int lattice_parameters = 6;
 constexpr int shape_parameters = lattice_parameters + fitted_zernikes;
+constexpr int field_parameters = 3;  // of the defocus across the field: along x, along y, curvature
 
 /// Cubic B-spline at one sub-pixel position: four weights and their slopes. Through the spline's coefficients
 /// the interpolation errs a hundred times less than through four samples, which blurs a narrow image.
@@ -56,19 +57,66 @@ struct Stamp {
   double x = 0, y = 0;
 };
 
+/// Images of a point at steps of defocus, between which it changes evenly enough; or one for the whole field.
+class FocusSteps {
+ public:
+  FocusSteps(const PupilImage& image, const PupilImage& changes, std::array<double, zernike_terms> zernike_um,
+             double lowest_um, double highest_um, bool derivatives)
+      : lowest_(lowest_um) {
+    constexpr double widest_step = 0.008;  // um: the peak is right to 0.3 %
+    constexpr int most_steps = 24;
+    const int steps =
+        std::clamp(static_cast<int>(std::ceil((highest_um - lowest_um) / widest_step)), 0, most_steps);
+    step_ = steps > 0 ? (highest_um - lowest_um) / steps : 0;
+    const double middle = zernike_um[3];
+    for (int k = 0; k <= steps; ++k) {
+      zernike_um[3] = middle + lowest_ + k * step_;
+      FineImage fine = image(zernike_um, false);
+      if (derivatives) fine.by_zernike = changes(zernike_um, true).by_zernike;
+      to_spline(fine.share);
+      for (Eigen::ArrayXXd& change : fine.by_zernike) to_spline(change);
+      images_.push_back(std::move(fine));
+    }
+  }
+  /// At a defocus between the lowest and the highest; `between` holds it if it has to be made.
+  const FineImage& at(double defocus_um, FineImage& between) const {
+    if (images_.size() == 1) return images_.front();
+    const double where = std::clamp((defocus_um - lowest_) / step_, 0.0, images_.size() - 1.0);
+    const std::size_t k = std::min(static_cast<std::size_t>(where), images_.size() - 2);
+    const double part = where - static_cast<double>(k);
+    const auto mixed = [part](const Eigen::ArrayXXd& a, const Eigen::ArrayXXd& b) -> Eigen::ArrayXXd {
+      return (1 - part) * a + part * b;
+    };
+    between.centre = images_[k].centre;
+    between.share = mixed(images_[k].share, images_[k + 1].share);
+    between.by_zernike.resize(images_[k].by_zernike.size());
+    for (std::size_t term = 0; term < between.by_zernike.size(); ++term)
+      between.by_zernike[term] = mixed(images_[k].by_zernike[term], images_[k + 1].by_zernike[term]);
+    return between;
+  }
+
+ private:
+  double lowest_, step_ = 0;
+  std::vector<FineImage> images_;
+};
+
 class Model {
  public:
   /// `changes`: gives the derivatives, which only say where to go and how sure that is: a rough one will do.
+  /// `field`: the defocus changes across the field.
   Model(const MeanImage& mean, const Lattice& start, double wavelength_um, const PupilImage& image,
-        const PupilImage& changes)
+        const PupilImage& changes, bool field = false)
       : mean_(mean),
         wavelength_um_(wavelength_um),
         pupil_image_(image),
         pupil_changes_(changes),
-        lattice_(start) {}
+        lattice_(start),
+        shapes_(shape_parameters + (field ? field_parameters : 0)) {}
 
   int sites() const { return lattice_.sites(); }
-  Eigen::Index size() const { return shape_parameters + sites() + 1; }
+  /// Lattice, Zernike terms, field; then the sites' light and the background.
+  Eigen::Index shapes() const { return shapes_; }
+  Eigen::Index size() const { return shapes_ + sites() + 1; }
 
   Lattice lattice(const Eigen::VectorXd& p) const {
     Lattice moved = lattice_;
@@ -127,16 +175,16 @@ class Model {
     const Lattice where = lattice(p);
     const bool step = !derivatives && !image;
     if (step && wavefront(p) > widest_wavefront * wavelength_um_) return impossible();
-    const bool shapes = derivatives && !linear_only;
-    FineImage fine = pupil_image_(zernike(p), false);
-    if (shapes) fine.by_zernike = pupil_changes_(zernike(p), true).by_zernike;
-    to_spline(fine.share);
-    for (Eigen::ArrayXXd& change : fine.by_zernike) to_spline(change);
+    const bool shapes = derivatives && !linear_only, field = shapes_ > shape_parameters;
+    const auto [nearest, farthest] = defocus_range(p, where);
+    if (!(farthest - nearest < 2 * widest_wavefront * wavelength_um_)) return impossible();
+    const FocusSteps focus(pupil_image_, pupil_changes_, zernike(p), nearest, farthest, shapes);
+    FineImage between;
     const int rows = mean_.electrons.rows(), columns = mean_.electrons.columns();
     const Eigen::Index pixels = static_cast<Eigen::Index>(rows) * columns;
     Eigen::ArrayXd model = Eigen::ArrayXd::Constant(pixels, p(size() - 1));
     Eigen::ArrayXXd by_shape;
-    if (shapes) by_shape.setZero(pixels, shape_parameters);
+    if (shapes) by_shape.setZero(pixels, shapes_);
 
     const int radius = pupil_image_.radius_px();
     std::vector<Stamp> stamps(static_cast<std::size_t>(sites()));
@@ -156,7 +204,9 @@ class Model {
         Eigen::ArrayXd& share = shares[s];
         share.setZero(static_cast<Eigen::Index>(stamp.width) * stamp.height);
         if (share.size() == 0) continue;
-        const double amplitude = p(shape_parameters + s);
+        const double amplitude = p(shapes_ + s);
+        const Eigen::Vector3d place = field ? in_field(stamp.x, stamp.y) : Eigen::Vector3d::Zero();
+        const FineImage& fine = focus.at(field ? place.dot(p.segment<3>(shape_parameters)) : 0, between);
         constexpr int m = FineImage::oversampling;
         // A pixel at c is the sample m (c - x) from the centre: the fraction is the same for all pixels.
         const double first_x = m * (stamp.left - stamp.x) + fine.centre,
@@ -186,6 +236,11 @@ class Model {
             for (int k = 0; k < fitted_zernikes; ++k)
               by_shape(pixel, lattice_parameters + k) +=
                   amplitude * wy.value.dot(fine.by_zernike[k].matrix().block<4, 4>(y, x) * wx.value);
+            if (!field) continue;
+            const double by_defocus =
+                amplitude * wy.value.dot(fine.by_zernike[0].matrix().block<4, 4>(y, x) * wx.value);
+            for (int k = 0; k < field_parameters; ++k)
+              by_shape(pixel, shape_parameters + k) += place(k) * by_defocus;
           }
       }
 
@@ -203,23 +258,23 @@ class Model {
     Eigen::ArrayXXd weighted_shape;
     if (shapes) {
       weighted_shape = by_shape.colwise() * weight;
-      out.gradient.head(shape_parameters) = by_shape.matrix().transpose() * weighted.matrix();
-      out.information.topLeftCorner(shape_parameters, shape_parameters) =
+      out.gradient.head(shapes_) = by_shape.matrix().transpose() * weighted.matrix();
+      out.information.topLeftCorner(shapes_, shapes_) =
           by_shape.matrix().transpose() * weighted_shape.matrix();
-      out.information.col(background).head(shape_parameters) = weighted_shape.colwise().sum().matrix();
+      out.information.col(background).head(shapes_) = weighted_shape.colwise().sum().matrix();
     }
     out.gradient(background) = weighted.sum();
     out.information(background, background) = weight.sum();
     for (int s = 0; s < sites(); ++s) {
       const Stamp& stamp = stamps[s];
-      const Eigen::Index at = shape_parameters + s;
+      const Eigen::Index at = shapes_ + s;
       for (int r = 0; r < stamp.height; ++r) {
         const Eigen::Index pixel = static_cast<Eigen::Index>(stamp.top + r) * columns + stamp.left;
         const auto share = shares[s].segment(static_cast<Eigen::Index>(r) * stamp.width, stamp.width);
         out.gradient(at) += (share * weighted.segment(pixel, stamp.width)).sum();
         out.information(at, background) += (share * weight.segment(pixel, stamp.width)).sum();
         if (shapes)
-          out.information.row(at).head(shape_parameters) +=
+          out.information.row(at).head(shapes_) +=
               share.matrix().transpose() * weighted_shape.middleRows(pixel, stamp.width).matrix();
       }
       for (int other = s; other < sites(); ++other) {
@@ -237,13 +292,11 @@ class Model {
           sum +=
               (one * two * weight.segment(static_cast<Eigen::Index>(r) * columns + left, right - left)).sum();
         }
-        out.information(at, shape_parameters + other) = sum;
-        out.information(shape_parameters + other, at) = sum;
+        out.information(at, shapes_ + other) = sum;
+        out.information(shapes_ + other, at) = sum;
       }
       if (stamp.width == 0 || stamp.height == 0) out.information(at, at) = 1;
-      if (shapes)
-        out.information.col(at).head(shape_parameters) =
-            out.information.row(at).head(shape_parameters).transpose();
+      if (shapes) out.information.col(at).head(shapes_) = out.information.row(at).head(shapes_).transpose();
     }
     out.information.row(background) = out.information.col(background).transpose();
     return out;
@@ -261,10 +314,32 @@ class Model {
     return p.segment(lattice_parameters, fitted_zernikes).norm();
   }
 
+  /// What the field's parameters are multiplied with at this pixel: u, v and their squares, from -1 to 1
+  /// across the image's width.
+  Eigen::Vector3d in_field(double x, double y) const {
+    const double half = mean_.electrons.columns() / 2.0;
+    const double u = (x - (mean_.electrons.columns() - 1) / 2.0) / half,
+                 v = (y - (mean_.electrons.rows() - 1) / 2.0) / half;
+    return {u, v, u * u + v * v};
+  }
+  /// Least and most that the field adds to the sites' defocus, um.
+  std::pair<double, double> defocus_range(const Eigen::VectorXd& p, const Lattice& where) const {
+    if (shapes_ == shape_parameters) return {0, 0};
+    double least = std::numeric_limits<double>::infinity(), most = -least;
+    for (int j = 0; j < where.rows; ++j)
+      for (int i = 0; i < where.columns; ++i) {
+        const double one = in_field(where.x(i, j), where.y(i, j)).dot(p.segment<3>(shape_parameters));
+        least = std::min(least, one);
+        most = std::max(most, one);
+      }
+    return {least, most};
+  }
+
   const MeanImage& mean_;
   double wavelength_um_;
   const PupilImage &pupil_image_, &pupil_changes_;
   Lattice lattice_;
+  Eigen::Index shapes_;
 };
 
 }  // namespace
@@ -552,6 +627,50 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   fit.converged = best.converged;
   fit.position_error_px = std::sqrt(std::max(fit.covariance(0, 0), fit.covariance(1, 1)));
   return fit;
+}
+
+FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optics, const OpticsFit& common) {
+  constexpr int directions = 8, first_steps = 4, more_steps = 30;
+  constexpr std::size_t followed = 2;
+  const PupilImage pupil(optics, stamp_radius_px(common.lattice), PupilImage::rough);
+  const Model model(mean, common.lattice, optics.wavelength_um, pupil, pupil, true);
+  const auto evaluate = [&](const Eigen::VectorXd& p, bool derivatives) {
+    return model.evaluate(p, derivatives);
+  };
+  const Eigen::VectorXd start = model.start(common.zernike_um);
+  const MaximumLikelihood without = maximise(
+      start,
+      [&](const Eigen::VectorXd& p, bool derivatives) {
+        Likelihood one = evaluate(p, derivatives);
+        if (derivatives) {  // the field stays as it is
+          one.gradient.segment<field_parameters>(shape_parameters).setZero();
+          one.information.middleRows<field_parameters>(shape_parameters).setZero();
+          one.information.middleCols<field_parameters>(shape_parameters).setZero();
+          one.information.diagonal().segment<field_parameters>(shape_parameters).setOnes();
+        }
+        return one;
+      },
+      0.05, more_steps);
+  // Common optics see the mean square of the field's defocus: a tilt to the edge is root three times that.
+  const double defocus = std::max(std::fabs(common.zernike_um[3]), 0.02 * optics.wavelength_um);
+  std::vector<MaximumLikelihood> found;
+  for (int k = 0; k < directions; ++k) {
+    const double angle = 2 * std::numbers::pi * k / directions;
+    Eigen::VectorXd from = without.values;
+    from(lattice_parameters) = 0.3 * defocus;
+    from(shape_parameters) = std::numbers::sqrt3 * defocus * std::cos(angle);
+    from(shape_parameters + 1) = std::numbers::sqrt3 * defocus * std::sin(angle);
+    found.push_back(maximise(from, evaluate, 0.05, first_steps));
+  }
+  std::partial_sort(found.begin(), found.begin() + followed, found.end(),
+                    [](const auto& a, const auto& b) { return a.minus_log < b.minus_log; });
+  for (std::size_t k = 0; k < followed; ++k) found[k] = maximise(found[k].values, evaluate, 0.05, more_steps);
+  const MaximumLikelihood& best = found[0].minus_log < found[1].minus_log ? found[0] : found[1];
+  return {.x_um = best.values(shape_parameters),
+          .y_um = best.values(shape_parameters + 1),
+          .curvature_um = best.values(shape_parameters + 2),
+          .zernike_um = Model::zernike(best.values),
+          .gain = without.minus_log - best.minus_log};
 }
 
 }  // namespace atomcam

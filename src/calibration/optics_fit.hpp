@@ -54,6 +54,18 @@ int stamp_radius_px(const Lattice& lattice);
 OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start,
                      const std::array<double, zernike_terms>* known = nullptr);
 
+/// A defocus (um rms) that changes across the image: x u + y v + curvature (u^2 + v^2), where u and v go from
+/// the image's middle, 1 at half its width.
+struct FieldFocus {
+  double x_um = 0, y_um = 0, curvature_um = 0;
+  std::array<double, zernike_terms> zernike_um{};  // in the image's middle
+  double gain = 0;  // of the logarithmic likelihood, over optics that are the same everywhere
+};
+
+/// The mean image with a defocus that changes across it: sharp spots on one line, the same optics fitted to
+/// all. What optics common to all sites have to take for a defocus may be another term then.
+FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optics, const OpticsFit& common);
+
 /// Noted positions moved to where the light is: displacement, spacing and angles, by the correlation of the
 /// mean image with a lattice of spots of `spot_px` rms.
 Lattice find_lattice(const MeanImage& mean, const Lattice& noted, double spot_px);

@@ -8,6 +8,7 @@
 #include "base/error.hpp"
 #include "diagnosis/contenders.hpp"
 #include "diagnosis/diagnosis.hpp"
+#include "diagnosis/field_focus.hpp"
 #include "diagnosis/gap_closed.hpp"
 #include "diagnosis/model.hpp"
 #include "diagnosis/scan.hpp"
@@ -234,6 +235,11 @@ class Diagnoser {
         contenders.push_back(
             {scans[k].effect->name + why, with(plain_, scans[k], place), view.log_likelihood});
       };
+      if (scans[k].effect->name == field_focus_effect) {
+        Model start = with(plain_, scans[k], view.best);
+        start_from_mean_image(start, result_.calibration);
+        contenders.push_back({scans[k].effect->name + ", mean image", std::move(start), view.log_likelihood});
+      }
       start_at(view.best, "");
       if (k >= 3) continue;
       // Also where the other view has it, if it speaks for the effect as well, and from the stack that really

@@ -234,6 +234,10 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, double fram
       const double value = logarithmic ? std::exp(c) : c;
       return integer ? std::round(value) : value;
     };
+    one.coordinate_of = [logarithmic, lowest = one.least](double value) {
+      if (!logarithmic) return value;
+      return value > 0 ? std::max(lowest, std::log(value)) : lowest;
+    };
     one.apply = [name = effect.name, k, defaults, value = one.value, minimum = p.minimum,
                  maximum = p.maximum](Lab& l, double c) {
       auto& values = l.effects[name];

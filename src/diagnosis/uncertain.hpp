@@ -31,7 +31,8 @@ struct Uncertain {
   double pull = 0;  // by how much the last recalibration moved the centre
   int steady = 0;   // how many before it moved it to the same side
   std::function<void(Lab&, double coordinate)> apply;
-  std::function<double(double coordinate)> value;  // in the parameter's unit
+  std::function<double(double coordinate)> value;            // in the parameter's unit
+  std::function<double(double in_unit)> coordinate_of = {};  // of an effect's parameter: the way back
   /// By how much a calibration says more than another, as a coordinate; empty for an effect's parameter.
   std::function<double(const Calibration& one, const Calibration& other)> offset;
 

@@ -37,6 +37,30 @@ MeanImage mean_image_of(const OpticsDescription& optics, const Lattice& lattice,
   return mean;
 }
 
+/// The same with optics that differ from site to site.
+template <class OpticsAt>
+MeanImage mean_image_with(const OpticsAt& optics_at, const Lattice& lattice, Shape shape) {
+  MeanImage all;
+  for (int j = 0; j < lattice.rows; ++j)
+    for (int i = 0; i < lattice.columns; ++i) {
+      Lattice alone = lattice;
+      alone.columns = alone.rows = 1;
+      alone.origin_x = lattice.x(i, j);
+      alone.origin_y = lattice.y(i, j);
+      MeanImage one = mean_image_of(optics_at(alone.origin_x, alone.origin_y), alone, shape);
+      if (i + j == 0) {
+        all = std::move(one);
+        continue;
+      }
+      for (std::size_t n = 0; n < one.electrons.pixels().size(); ++n) {
+        const double light = one.electrons.pixels()[n] - background_e;
+        all.electrons.pixels()[n] += light;
+        all.variance.pixels()[n] += all.variance_per_e * light;
+      }
+    }
+  return all;
+}
+
 TEST(OpticsFit, ModelErrsLessThanAStackKnows) {
   OpticsDescription optics = emccd_optics();
   optics.zernike_um = {0,       0,       0,      0.0667,  0.0196, -0.0035, 0.0143, 0.0013,
@@ -104,6 +128,38 @@ TEST(OpticsFit, FocusWithAstigmatismIsNoDefocus) {
   const OpticsFit fit = fit_optics(mean_image_of(optics, truth, {46, 64}), optics, start);
   for (int term = 3; term < zernike_terms; ++term)
     EXPECT_NEAR(fit.zernike_um[term], optics.zernike_um[term], 0.001) << term;
+}
+
+// One focus for all sites sees no astigmatism where it turns with the defocus' sign across the field.
+TEST(OpticsFit, ATiltIsToldFromCommonTerms) {
+  OpticsDescription optics = emccd_optics();
+  optics.zernike_um[3] = 0.002;
+  optics.zernike_um[4] = -0.002;
+  optics.zernike_um[5] = -0.011;
+  optics.zernike_um[10] = 0.004;
+  const double tilt_x = -0.036, tilt_y = 0.028, curvature = 0.006;
+  const auto optics_at = [&](double x, double y) {
+    OpticsDescription there = optics;
+    const double u = (x - 29.5) / 30, v = (y - 29.5) / 30;
+    there.zernike_um[3] += tilt_x * u + tilt_y * v + curvature * (u * u + v * v);
+    return there;
+  };
+  const Lattice lattice{
+      .columns = 5, .rows = 5, .origin_x = 10.2, .origin_y = 9.7, .a_x = 9.9, .a_y = 0, .b_x = 0, .b_y = 9.9};
+  const MeanImage mean = mean_image_with(optics_at, lattice, {60, 60});
+  const OpticsFit common = fit_optics(mean, optics, lattice);
+  EXPECT_GT(common.zernike_um[3], 0.01);
+  EXPECT_LT(std::fabs(common.zernike_um[5]), 0.006);
+  const FieldFocus field = fit_field_focus(mean, optics, common);
+  EXPECT_GT(field.gain, 100);
+  // All even terms at once may have the other sign.
+  const double sign = field.x_um < 0 ? 1 : -1;
+  EXPECT_NEAR(sign * field.x_um, tilt_x, 0.001);
+  EXPECT_NEAR(sign * field.y_um, tilt_y, 0.001);
+  EXPECT_NEAR(sign * field.curvature_um, curvature, 0.001);
+  EXPECT_NEAR(sign * field.zernike_um[3], optics.zernike_um[3], 0.001);
+  EXPECT_NEAR(sign * field.zernike_um[4], optics.zernike_um[4], 0.001);
+  EXPECT_NEAR(sign * field.zernike_um[5], optics.zernike_um[5], 0.001);
 }
 
 }  // namespace

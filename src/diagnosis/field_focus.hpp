@@ -1,0 +1,17 @@
+#pragma once
+// A defocus across the field is fitted to the mean image first: calibration, which knows one focus only, may
+// have taken for a defocus what is astigmatism, and a fit that follows calibration would creep there.
+
+#include <string_view>
+
+#include "diagnosis/model.hpp"
+
+namespace atomcam {
+
+inline constexpr std::string_view field_focus_effect = "field_tilt_defocus";
+
+/// The model's defocus across the field and its Zernike terms as the calibrated mean image has them. The
+/// model has the effect, and its sites are the calibration's.
+void start_from_mean_image(Model& model, const Calibration& calibration);
+
+}  // namespace atomcam

@@ -136,8 +136,9 @@ class Diagnoser {
               [](const Scan& a, const Scan& b) { return a.best().log_likelihood > b.best().log_likelihood; });
   }
 
-  /// The model with the scan's effect added, about these parameters.
-  static Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about) {
+  /// The model with the scan's effect added, about these parameters; a focus across the field about what the
+  /// mean image says.
+  Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about) {
     Model model;
     model.effects = before.effects;
     model.effects.push_back(scan.effect->name);
@@ -150,6 +151,12 @@ class Diagnoser {
       one.width = std::clamp(scan.best().width(static_cast<Eigen::Index>(k)),
                              0.03 * (one.highest - one.lowest), 0.08 * (one.highest - one.lowest));
       model.open.push_back(std::move(one));
+    }
+    if (scan.effect->name == field_focus_effect) {
+      const Calibration& calibration = result_.calibration;
+      if (!field_focus_)
+        field_focus_ = fit_field_focus(calibration.mean_image, calibration.lab.optics, calibration.optics);
+      start_at_field_focus(model, *field_focus_, calibration);
     }
     return model;
   }
@@ -235,13 +242,8 @@ class Diagnoser {
         contenders.push_back(
             {scans[k].effect->name + why, with(plain_, scans[k], place), view.log_likelihood});
       };
-      if (scans[k].effect->name == field_focus_effect) {
-        Model start = with(plain_, scans[k], view.best);
-        start_from_mean_image(start, result_.calibration);
-        contenders.push_back({scans[k].effect->name + ", mean image", std::move(start), view.log_likelihood});
-      }
       start_at(view.best, "");
-      if (k >= 3) continue;
+      if (k >= 3 || scans[k].effect->name == field_focus_effect) continue;
       // Also where the other view has it, if it speaks for the effect as well, and from the stack that really
       // came nearest: the emulator may have led elsewhere.
       const ScanView& other = scans[k].view[1 - scans[k].clearest()];
@@ -583,6 +585,7 @@ class Diagnoser {
   Model plain_, final_;
   std::vector<Scan> scans_;
   bool have_final_ = false;
+  std::optional<FieldFocus> field_focus_;
 };
 
 }  // namespace

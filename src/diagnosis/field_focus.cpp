@@ -11,9 +11,7 @@
 
 namespace atomcam {
 
-void start_from_mean_image(Model& model, const Calibration& calibration) {
-  const OpticsFit& common = calibration.optics;
-  const FieldFocus field = fit_field_focus(calibration.mean_image, calibration.lab.optics, common);
+void start_at_field_focus(Model& model, const FieldFocus& field, const Calibration& calibration) {
   const double tilt_um = std::hypot(field.x_um, field.y_um);
   if (!(tilt_um > 0)) return;
   const double angle_deg = std::atan2(field.y_um, field.x_um) * 180 / math::pi;
@@ -27,7 +25,7 @@ void start_from_mean_image(Model& model, const Calibration& calibration) {
       one.centre = std::clamp(one.coordinate_of(found->second), one.lowest, one.highest);
     for (int term = first_fitted_zernike; term < zernike_terms; ++term)
       if (one.name == fmt::format("zernike_{}", zernike_catalogue()[term].key))
-        one.move_to(one.centre + field.zernike_um[term] - common.zernike_um[term]);
+        one.move_to(one.centre + field.zernike_um[term] - calibration.optics.zernike_um[term]);
   }
 }
 

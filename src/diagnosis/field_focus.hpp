@@ -10,8 +10,7 @@ namespace atomcam {
 
 inline constexpr std::string_view field_focus_effect = "field_tilt_defocus";
 
-/// The model's defocus across the field and its Zernike terms as the calibrated mean image has them. The
-/// model has the effect, and its sites are the calibration's.
-void start_from_mean_image(Model& model, const Calibration& calibration);
+/// The model's defocus across the field and its Zernike terms as fitted to the calibration's mean image.
+void start_at_field_focus(Model& model, const FieldFocus& field, const Calibration& calibration);
 
 }  // namespace atomcam

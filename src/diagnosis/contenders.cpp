@@ -33,7 +33,9 @@ class Race {
  public:
   Race(std::vector<Contender>& contenders, const FitGround& ground, const StackPlan& plan,
        const StepProgress& progress)
-      : contenders_(contenders), ground_(ground), plan_(plan), progress_(progress) {}
+      : contenders_(contenders), ground_(ground), plan_(plan), progress_(progress) {
+    if (!contenders_.empty()) plain_ = plain_distance(ground_, plan_, contenders_.front().model.explains);
+  }
 
   void first(double alone) {
     const auto count = static_cast<double>(contenders_.size());
@@ -53,6 +55,9 @@ class Race {
     sort();
     std::set<std::vector<std::string>> seen;
     std::erase_if(contenders_, [&](const Contender& one) { return !seen.insert(one.model.effects).second; });
+    if (plain_ < like_own)  // a gap in few statistics, of which the distance hardly tells: the scan does
+      std::stable_sort(contenders_.begin(), contenders_.end(),
+                       [](const Contender& a, const Contender& b) { return a.evidence > b.evidence; });
     // Where the simpler one is near already, the distance hardly tells: most statistics know of neither.
     const double least = alone < like_own ? alone : worthwhile * alone;
     std::erase_if(contenders_, [&](const Contender& one) { return !(one.model.distance < least); });
@@ -62,7 +67,7 @@ class Race {
   void follow_up() {
     if (contenders_.empty()) return;
     // What is hardly nearer than the plain model explains nothing; the nearest is judged all the same.
-    const double limit = worthwhile * plain_distance(ground_, plan_, contenders_.front().model.explains);
+    const double limit = plain_ < like_own ? like_own : worthwhile * plain_;
     let_go([&](const Model& model) { return model.distance > limit; });
     for (std::size_t k = 0; k < contenders_.size(); ++k) {
       const double distance = contenders_[k].model.distance;
@@ -75,7 +80,7 @@ class Race {
       progress_(title(contenders_[k].model), 0.4 + 0.1 * static_cast<double>(k));
       go_on(contenders_[k], more_rounds, "fit 2/");
     }
-    sort();
+    if (plain_ >= like_own) sort();
     const double& nearest = contenders_.front().model.distance;
     if (nearest > like_own && nearest < reachable) go_on(contenders_.front(), more_rounds, "fit 3/");
     // Where even the nearest is far away, it is judged to say by how much.
@@ -100,6 +105,7 @@ class Race {
   const FitGround& ground_;
   const StackPlan& plan_;
   const StepProgress& progress_;
+  double plain_ = 0;  // distance of the plain model
 };
 
 /// The model about where judging it has led.

@@ -55,11 +55,16 @@ struct LightField {
   std::vector<Emitter>* emitters = nullptr;
   double shift_x_px = 0;  // of the whole image this frame
   double shift_y_px = 0;
-  double halo_fraction = 0;                          // of every atom's light, scattered into a halo
-  double halo_scale_px = 0;                          // its exponential radius
+  double halo_fraction = 0;  // of every atom's light, scattered into a halo
+  double halo_scale_px = 0;  // its exponential radius
+  /// Part of the light of every pixel of lower (higher) row, and of its own, that a pixel of the plane is
+  /// under while the frame is shifted.
+  double smear_from_above = 0, smear_from_below = 0;
   double background_photons = 0;                     // uniform stray light per physical pixel
   std::shared_ptr<const RatioMap> background_ratio;  // multiplies the background; null: 1
   std::shared_ptr<const RatioMap> response_ratio;    // multiplies atoms' light and background alike; null: 1
+
+  bool smears() const { return smear_from_above > 0 || smear_from_below > 0; }
 };
 
 class Effect {

@@ -3,37 +3,21 @@
 namespace atomcam {
 namespace {
 
-constexpr double most_electrons = 1e9;  // of a pixel's smear: far beyond any full well, within its integer
-
 class FrameTransferSmear : public Effect {
  public:
   explicit FrameTransferSmear(const ParameterValues& values)
       : scale_(values[0]), above_(std::min(1.0, 1 - values[1])), below_(std::min(1.0, 1 + values[1])) {}
 
-  void apply_to_electrons(ElectronImage& electrons, const FrameContext& context) const override {
+  /// The light goes on during the shift: photons of their own, not the ones that the exposure has collected.
+  void apply_to_light(LightField& light, const FrameContext& context) const override {
     const CameraSettings& settings = *context.settings;
-    if (!settings.frame_transfer || !settings.shutter_open || settings.exposure_s <= 0) return;
+    if (!settings.frame_transfer || settings.pulsed_light || settings.exposure_s <= 0) return;
     // A row spends vertical_shift_s at the place of every row; binned rows bring the charge of all of theirs.
+    // On its way in it passes the places on one side, on its way out those on the other.
     const double share =
         scale_ * settings.vertical_shift_s * PlaneGeometry(context).step_y / settings.exposure_s;
-    // On its way in a row passes the places on one side, on its way out those on the other, and its own.
-    const auto columns = static_cast<std::size_t>(electrons.columns());
-    std::vector<std::int64_t> above(columns), below(columns);
-    for (int row = 0; row < electrons.rows(); ++row)
-      for (std::size_t c = 0; c < columns; ++c) below[c] += electrons.row(row)[c];
-    for (int row = 0; row < electrons.rows(); ++row) {
-      RandomStream random = context.random("row", static_cast<std::uint32_t>(row));
-      const auto held = electrons.row(row);
-      for (std::size_t c = 0; c < columns; ++c) {
-        const std::int32_t own = held[c];
-        below[c] -= own;
-        const double passed =
-            above_ * static_cast<double>(above[c]) + below_ * static_cast<double>(below[c]) + own;
-        const double smeared = std::min(share * passed, most_electrons);
-        if (smeared > 0) held[c] += static_cast<std::int32_t>(sample_poisson(random, smeared));
-        above[c] += own;
-      }
-    }
+    light.smear_from_above = above_ * share;
+    light.smear_from_below = below_ * share;
   }
 
  private:
@@ -70,6 +54,7 @@ EffectDeclaration frame_transfer_smear() {
       .observables = {"column_smear", "site_histogram"},
       .emccd = true,
       .qcmos = false,
+      .acts_on_light = true,
       .make = make_effect<FrameTransferSmear>};
 }
 

@@ -13,7 +13,8 @@ namespace atomcam {
 namespace {
 
 constexpr double defocus_step_um = 0.002;
-constexpr std::size_t batch = 4096;  // photons whose random words are drawn at once
+constexpr std::size_t batch = 4096;       // photons whose random words are drawn at once
+constexpr double most_smeared = 1000000;  // electrons of an emitter's streak: far beyond any camera's
 
 float largest(const RatioMap* map) {
   if (!map) return 1;
@@ -42,34 +43,69 @@ class EmitterLanding {
       : landing_(landing),
         light_(*landing.light),
         largest_response_(largest_response),
-        keys_{stream_key(landing.seed, stream_id("optics/electrons")),
-              stream_key(landing.seed, stream_id("optics/landing")),
-              stream_key(landing.seed, stream_id("optics/blur")),
-              stream_key(landing.seed, stream_id("optics/halo")),
-              stream_key(landing.seed, stream_id("optics/time")),
-              stream_key(landing.seed, stream_id("optics/response"))} {}
+        exposed_(landing.seed, "optics/"),
+        shifted_(landing.seed, "optics/smear/") {}
 
   void draw(int index, std::vector<std::uint32_t>& landed) const {
+    draw(index, mean_of(index), exposed_, landed);
+  }
+
+  /// Those of the streak: they come while the frame is shifted, and are in another row by its end.
+  void smear(int index, std::vector<std::uint32_t>& landed) const {
+    if (!light_.smears()) return;
+    const double most = std::max(light_.smear_from_above, light_.smear_from_below);
+    const auto rows = static_cast<std::uint32_t>(landing_.plane().rows);
+    const std::size_t first = landed.size();
+    draw(index, std::min(most_smeared, most * rows * mean_of(index)), shifted_, landed);
+    RandomStream row_stream(shifted_.row, landing_.frame, static_cast<std::uint32_t>(index));
+    std::size_t kept = first;
+    for (std::size_t i = first; i < landed.size(); ++i) {
+      const std::uint32_t from = landed[i] >> 16, to = row_stream() % rows;
+      const double share = to > from ? light_.smear_from_above : to < from ? light_.smear_from_below : most;
+      if (row_stream.uniform() * most < share) landed[kept++] = to << 16 | (landed[i] & 0xffff);
+    }
+    landed.resize(kept);
+  }
+
+ private:
+  struct Keys {
+    PhiloxKey electrons, landing, blur, halo, time, response, row;
+    Keys(std::uint64_t seed, const std::string& where)
+        : electrons(stream_key(seed, stream_id(where + "electrons"))),
+          landing(stream_key(seed, stream_id(where + "landing"))),
+          blur(stream_key(seed, stream_id(where + "blur"))),
+          halo(stream_key(seed, stream_id(where + "halo"))),
+          time(stream_key(seed, stream_id(where + "time"))),
+          response(stream_key(seed, stream_id(where + "response"))),
+          row(stream_key(seed, stream_id(where + "row"))) {}
+  };
+
+  /// Electrons that the emitter gives the most sensitive pixels.
+  double mean_of(int index) const {
+    return (*light_.emitters)[index].emitted() * landing_.electrons_per_photon * largest_response_;
+  }
+
+  /// Appends where so many of the emitter's electrons land.
+  void draw(int index, double mean, const Keys& keys, std::vector<std::uint32_t>& landed) const {
     const Emitter& emitter = (*light_.emitters)[index];
     const auto block = static_cast<std::uint32_t>(index);
-    const double mean = emitter.emitted() * landing_.electrons_per_photon * largest_response_;
     if (!(mean > 0)) return;
-    RandomStream count_stream(keys_.electrons, landing_.frame, block);
+    RandomStream count_stream(keys.electrons, landing_.frame, block);
     const std::int64_t count = sample_poisson(count_stream, mean);
     const PointSpreadFunction& point_spread = landing_.point_spread->at(emitter.defocus_um);
     const double centre_x = emitter.x_px + light_.shift_x_px, centre_y = emitter.y_px + light_.shift_y_px;
     const BlurAxes blur(emitter, landing_.pixels_per_um);
-    RandomStream landing_stream(keys_.landing, landing_.frame, block);
-    RandomStream blur_stream(keys_.blur, landing_.frame, block);
-    RandomStream halo_stream(keys_.halo, landing_.frame, block);
-    RandomStream time_stream(keys_.time, landing_.frame, block);
-    RandomStream response_stream(keys_.response, landing_.frame, block);
+    RandomStream landing_stream(keys.landing, landing_.frame, block);
+    RandomStream blur_stream(keys.blur, landing_.frame, block);
+    RandomStream halo_stream(keys.halo, landing_.frame, block);
+    RandomStream time_stream(keys.time, landing_.frame, block);
+    RandomStream response_stream(keys.response, landing_.frame, block);
 
     thread_local Photons photons;
     for (std::int64_t first = 0; first < count; first += static_cast<std::int64_t>(batch)) {
       photons.resize(std::min<std::size_t>(batch, static_cast<std::size_t>(count - first)));
       if (count <= static_cast<std::int64_t>(batch))
-        fill_random(keys_.landing, landing_.frame, block, photons.words);
+        fill_random(keys.landing, landing_.frame, block, photons.words);
       else
         for (std::uint32_t& word : photons.words) word = landing_stream();
       point_spread.draw(photons.words, photons.displacements);
@@ -92,10 +128,6 @@ class EmitterLanding {
     }
   }
 
- private:
-  struct Keys {
-    PhiloxKey electrons, landing, blur, halo, time, response;
-  };
   struct Photons {
     std::vector<std::uint32_t> words;  // two each
     std::vector<PointSpreadFunction::Displacement> displacements;
@@ -171,7 +203,7 @@ class EmitterLanding {
   const Landing& landing_;
   const LightField& light_;
   float largest_response_;
-  Keys keys_;
+  Keys exposed_, shifted_;
 };
 
 /// Counting sort by row: what a readout takes.
@@ -260,8 +292,24 @@ PhotoElectrons Landing::draw(std::span<std::int64_t> detected, int threads) cons
   parallel_for(emitters, threads, 16, [&](int i) {
     emitter_landing.draw(i, landed[i]);
     detected[i] = static_cast<std::int64_t>(landed[i].size());
+    emitter_landing.smear(i, landed[i]);
   });
   return by_row(landed, plane().rows);
+}
+
+void add_smear(std::span<float> pixels, Shape shape, const LightField& light) {
+  const double above_share = light.smear_from_above, below_share = light.smear_from_below;
+  const auto columns = static_cast<std::size_t>(shape.columns);
+  std::vector<double> above(columns), below(columns);
+  for (std::size_t i = 0; i < pixels.size(); ++i) below[i % columns] += static_cast<double>(pixels[i]);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    const std::size_t c = i % columns;
+    const auto own = static_cast<double>(pixels[i]);
+    below[c] -= own;
+    pixels[i] += static_cast<float>(above_share * above[c] + below_share * below[c] +
+                                    std::max(above_share, below_share) * own);
+    above[c] += own;
+  }
 }
 
 void Landing::add_expected(PhotonImage& image) const {
@@ -303,10 +351,13 @@ void Landing::add_expected(PhotonImage& image) const {
         }
     }
   }
+  if (light->response_ratio)
+    for (int row = 0; row < image.rows(); ++row)
+      for (int column = 0; column < image.columns(); ++column)
+        atoms(row, column) *= (*light->response_ratio)(row, column);
+  if (light->smears()) add_smear(atoms.pixels(), atoms.shape(), *light);
   for (int row = 0; row < image.rows(); ++row)
-    for (int column = 0; column < image.columns(); ++column)
-      image(row, column) +=
-          atoms(row, column) * (light->response_ratio ? (*light->response_ratio)(row, column) : 1.0f);
+    for (int column = 0; column < image.columns(); ++column) image(row, column) += atoms(row, column);
 }
 
 }  // namespace atomcam

@@ -49,10 +49,14 @@ struct Landing {
   Shape plane() const { return {region.height / binning_y, region.width / binning_x}; }
   /// Expected electrons of one emitter, wherever they land, before any response map.
   double expected_electrons(const Emitter& emitter) const;
-  /// Electrons of every emitter. `detected` gets the number that fell into the region, by emitter.
+  /// Electrons of every emitter. `detected` gets the number that fell into the region, by emitter; smear is
+  /// not among them.
   PhotoElectrons draw(std::span<std::int64_t> detected, int threads) const;
   /// Adds the expected electrons of every emitter to `image` (of plane()).
   void add_expected(PhotonImage& image) const;
 };
+
+/// Adds the smear of the frame's shift to the light that the exposure itself brings, per pixel of the plane.
+void add_smear(std::span<float> pixels, Shape shape, const LightField& light);
 
 }  // namespace atomcam

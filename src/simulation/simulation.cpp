@@ -194,6 +194,12 @@ class Exposure {
   std::shared_ptr<const RatioMap> background_ratio() const {
     auto product = light_.background_ratio;
     if (light_.response_ratio) multiply(product, light_.response_ratio);
+    if (light_.smears()) {
+      const Shape plane = landing_on_sensor().plane();
+      auto smeared = product ? std::make_shared<RatioMap>(*product) : std::make_shared<RatioMap>(plane, 1.0f);
+      add_smear(smeared->pixels(), smeared->shape(), light_);
+      product = std::move(smeared);
+    }
     return product;
   }
 
@@ -210,13 +216,16 @@ class Exposure {
             .frame = number_};
   }
 
-  /// Lands the light and begins the readout; electrons detected by emitter. An EMCCD bins on the chip, so its
-  /// plane is already binned; a qCMOS bins numbers after conversion.
+  /// An EMCCD bins on the chip, so its plane is already binned; a qCMOS bins numbers after conversion.
+  Landing landing_on_sensor() const {
+    const bool on_chip = state_.sensor->kind() == CameraKind::emccd;
+    return landing(on_chip ? settings_.binning_x : 1, on_chip ? settings_.binning_y : 1);
+  }
+
+  /// Lands the light and begins the readout; electrons detected by emitter.
   std::vector<std::int64_t> expose() {
     std::vector<std::int64_t> detected(scene_.emitters.size());
-    const bool on_chip = state_.sensor->kind() == CameraKind::emccd;
-    SensorLight light{.atoms = landing(on_chip ? settings_.binning_x : 1, on_chip ? settings_.binning_y : 1)
-                                   .draw(detected, threads_),
+    SensorLight light{.atoms = landing_on_sensor().draw(detected, threads_),
                       .background_e = background_e(),
                       .background_ratio = background_ratio()};
     light_on_sensor_ = std::move(light);

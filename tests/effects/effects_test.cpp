@@ -328,7 +328,7 @@ TEST(ElectronEffects, CoupledReadNoiseOfAQcmosCorrelates) {
   }
 }
 
-TEST(ElectronEffects, HotPixelsCosmicRaysLagAndSmearHaveTheirMeans) {
+TEST(ElectronEffects, HotPixelsCosmicRaysAndLagHaveTheirMeans) {
   const Stage stage;
   const double pixels = 128 * 128;
   double hot = 0, expected_hot = 0.01 * pixels * 50 * stage.settings.exposure_s;
@@ -356,27 +356,30 @@ TEST(ElectronEffects, HotPixelsCosmicRaysLagAndSmearHaveTheirMeans) {
   EXPECT_NEAR(hot, expected_hot, 5 * expected_hot * std::sqrt(2 / (0.01 * pixels)));
   EXPECT_GT(cosmic.mean(), 0);
   EXPECT_NEAR(lag.mean(), 5, 5 * lag.mean_error() + 1e-9);
-  Moments smear;
-  ElectronImage image({128, 128});
-  for (int row = 0; row < 128; ++row) image(row, 10) = 10000;
-  const std::int64_t before = 128 * 10000;
-  make("frame_transfer_smear", {100})->apply_to_electrons(image, stage.context("frame_transfer_smear", 0));
-  const double each =
-      100 * stage.settings.vertical_shift_s / stage.settings.exposure_s * static_cast<double>(before);
-  std::int64_t column = -before, elsewhere = 0;
-  for (int row = 0; row < 128; ++row) {
-    column += image(row, 10);
-    elsewhere += image(row, 11);
-  }
-  EXPECT_NEAR(static_cast<double>(column), 128 * each, 5 * std::sqrt(128 * each));
-  EXPECT_EQ(elsewhere, 0);
+}
+
+TEST(LightEffects, SmearIsTheShareOfTheExposureThatTheShiftTakes) {
+  Stage stage;
+  stage.settings.binning_y = 2;
+  const auto smear = [&](double asymmetry) {
+    LightField light;
+    make("frame_transfer_smear", {100, asymmetry})
+        ->apply_to_light(light, stage.context("frame_transfer_smear", 0));
+    return light;
+  };
+  const double share = 100 * 2 * stage.settings.vertical_shift_s / stage.settings.exposure_s;
+  EXPECT_DOUBLE_EQ(smear(0).smear_from_above, share);
+  EXPECT_DOUBLE_EQ(smear(0).smear_from_below, share);
   // To one side only.
-  ElectronImage bright({128, 128});
-  bright(60, 10) = 1000000;
-  make("frame_transfer_smear", {100, 1})
-      ->apply_to_electrons(bright, stage.context("frame_transfer_smear", 0));
-  EXPECT_GT(bright(20, 10), 0);
-  EXPECT_EQ(bright(90, 10), 0);
+  EXPECT_EQ(smear(1).smear_from_above, 0);
+  EXPECT_DOUBLE_EQ(smear(1).smear_from_below, share);
+  EXPECT_DOUBLE_EQ(smear(-0.5).smear_from_below, share / 2);
+  // No light while the frame is shifted, no smear.
+  stage.settings.pulsed_light = true;
+  EXPECT_FALSE(smear(0).smears());
+  stage.settings.pulsed_light = false;
+  stage.settings.frame_transfer = false;
+  EXPECT_FALSE(smear(0).smears());
 }
 
 TEST(RegisterEffects, TheTailHoldsWhatIsLeftBehind) {

@@ -3,7 +3,8 @@
 
     PYTHONPATH=build/release/python bench/training_bench.py [--loop build/release/bin/training_loop] [--most RATIO]
 
-With --most it fails if Python takes more than RATIO times the loop's time.
+With --most it fails if Python takes more than RATIO times the loop's time. What else a machine does only makes a round
+slower, one more than another; so rounds are added, up to four times as many, while the least times miss the ratio.
 """
 
 import argparse
@@ -49,11 +50,16 @@ def main():
     def note(name, seconds):
         best[name] = min(seconds, best.get(name, seconds))
 
+    def missed():
+        return options.most and max(best.values()) > options.most * best["C++ loop"]
+
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "lab.toml")
         lab.save(path)
         lab.render(1)
-        for _ in range(options.rounds):  # in turns: what else the machine does meets both
+        for n in range(4 * options.rounds):  # in turns: what else the machine does meets both
+            if n >= options.rounds and not missed():
+                break
             said = subprocess.run([options.loop, path, str(frames)], check=True, capture_output=True, text=True).stdout
             seconds, corner = said.split()
             note("C++ loop", float(seconds))
@@ -68,7 +74,7 @@ def main():
     for name, seconds in best.items():
         print(f"{name:12} {frames} frames of 64 x 64 with truth: {seconds:7.3f} s CPU, {frames / seconds:8.0f} frames/s,"
               f" {seconds / best['C++ loop']:.3f} of the loop")
-    if options.most and max(best.values()) > options.most * best["C++ loop"]:
+    if missed():
         sys.exit(f"more than {options.most} times the loop")
 
 

@@ -44,6 +44,13 @@ struct Series {
       if (there[n] && there[n - lag]) sum += value[n] * value[n - lag], ++pairs;
     return pairs < 3 || variance == 0 ? not_a_number : sum / pairs / variance;
   }
+  /// Half the mean square of the steps from a frame to the next: a slow drift leaves it alone (von Neumann).
+  double step_variance() const {
+    double sum = 0, pairs = 0;
+    for (std::size_t n = 1; n < value.size(); ++n)
+      if (there[n] && there[n - 1]) sum += std::pow(value[n] - value[n - 1], 2) / 2, ++pairs;
+    return pairs < 3 ? not_a_number : sum / pairs;
+  }
   /// In standard errors of white noise, x from -1 to 1 along the stack.
   double projection(double (*shape)(double)) const {
     if (count < 4 || noise == 0) return not_a_number;
@@ -78,6 +85,7 @@ void put_series(Sheet& sheet, std::string_view name, std::span<const double> val
   put_short_series(sheet, name, values, record, which, white);
   const Series series(values, record, which);
   sheet.put(name, "correlation_5", series.correlation(5));
+  sheet.put(name, "steps", std::log(series.step_variance() / white));
   const double sigma = std::sqrt(series.noise);
   double jump = 0, first = 0, first_count = 0, odd = 0, largest = 0;
   for (std::size_t n = 0; n < series.value.size(); ++n) {

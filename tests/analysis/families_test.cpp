@@ -487,6 +487,25 @@ TEST(Plain, StacksStayPut) {
   }
 }
 
+// Light that differs from frame to frame and light that drifts vary as much along a stack; their steps do
+// not.
+TEST(Series, StepsTellNoiseFromDrift) {
+  const auto light = [](auto factor) {
+    return Hooks{.brightness = [factor](std::size_t n, std::vector<double>& b) {
+      for (double& one : b) one *= factor(n);
+    }};
+  };
+  const Null& null = null_of(false);
+  const auto z = [&](const Hooks& hooks, const std::string& name) {
+    return null.z(name, measured(null.camera(), 77, hooks, false).at(name));
+  };
+  const Hooks noise = light([](std::size_t n) { return 1 + 0.1 * noise_of(n); }),
+              drift = light([](std::size_t n) { return 1 + 0.14 * std::sin(static_cast<double>(n) / 15); });
+  for (const Hooks& hooks : {noise, drift}) EXPECT_GT(z(hooks, "light.sites.common.variance"), 5);
+  EXPECT_GT(z(noise, "light.sites.common.steps"), 5);
+  EXPECT_LT(std::abs(z(drift, "light.sites.common.steps")), 4);
+}
+
 // What a small stack may lack by chance (a pixel beyond three deviations) must not set it apart from others.
 TEST(Plain, TheHighestPixelIsNeverMissing) {
   const Camera camera{.size = 32, .sites = 0};

@@ -5,11 +5,11 @@ namespace {
 
 class Nonlinearity : public Effect {
  public:
-  explicit Nonlinearity(const ParameterValues& values) : strength_(values[0]), reference_counts_(values[1]) {}
+  explicit Nonlinearity(const ParameterValues& values) : loss_per_count_(values[0] / 1000) {}
 
   void apply_to_counts(int, std::span<float> analog_counts, const FrameContext& context) const override {
     const auto bias = static_cast<float>(context.settings->bias_counts);
-    const auto slope = static_cast<float>(strength_ / reference_counts_);
+    const auto slope = static_cast<float>(loss_per_count_);
     // The parabola's top: beyond it the output stays there.
     const float top = 0.5f / slope;
     for (float& counts : analog_counts) {
@@ -19,8 +19,7 @@ class Nonlinearity : public Effect {
   }
 
  private:
-  double strength_;
-  double reference_counts_;
+  double loss_per_count_;
 };
 
 }  // namespace
@@ -30,20 +29,13 @@ EffectDeclaration nonlinearity() {
           .plane = Plane::counts,
           .summary = "The output falls behind the light towards the full well.",
           .reference = "EMVA 1288 linearity; conversion gain that depends on the signal",
-          .parameters = {{.key = "strength",
-                          .unit = "1",
+          .parameters = {{.key = "loss_per_1000_counts",
+                          .unit = "1/(1000 counts)",
                           .minimum = 0,
-                          .maximum = 0.5,
-                          .default_value = 0.05,
-                          .scale = ParameterScale::linear,
-                          .meaning = "Relative loss of signal at the reference level."},
-                         {.key = "reference_counts",
-                          .unit = "counts",
-                          .minimum = 100,
-                          .maximum = 65535,
-                          .default_value = 20000,
+                          .maximum = 2,
+                          .default_value = 0.003,
                           .scale = ParameterScale::logarithmic,
-                          .meaning = "Level above the bias at which the loss is given; it grows linearly."}},
+                          .meaning = "Relative loss at 1000 counts of signal; it grows with the signal."}},
           .observables = {"mean_variance_curve"},
           .emccd = true,
           .qcmos = true,

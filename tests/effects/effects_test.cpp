@@ -424,7 +424,7 @@ TEST(CountEffects, HaveTheirSizes) {
   EXPECT_NEAR(drifts.variance(), 4, 5 * drifts.variance_error());
   EXPECT_GT(dual_pixels, 0);
   std::vector<float> row(128, 20200);
-  make("nonlinearity", {0.05, 20000})->apply_to_counts(0, row, stage.context("nonlinearity", 0));
+  make("nonlinearity", {0.0025})->apply_to_counts(0, row, stage.context("nonlinearity", 0));
   EXPECT_FLOAT_EQ(row[0], 200 + 20000 * 0.95f);
 }
 

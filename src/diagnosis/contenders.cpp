@@ -32,8 +32,8 @@ double behind(double nearest) {
 class Race {
  public:
   Race(std::vector<Contender>& contenders, const FitGround& ground, const StackPlan& plan,
-       const StepProgress& progress)
-      : contenders_(contenders), ground_(ground), plan_(plan), progress_(progress) {
+       const StepProgress& progress, Ends& ends)
+      : contenders_(contenders), ground_(ground), plan_(plan), progress_(progress), ends_(ends) {
     if (!contenders_.empty()) plain_ = plain_distance(ground_, plan_, contenders_.front().model.explains);
   }
 
@@ -55,6 +55,7 @@ class Race {
     sort();
     std::set<std::vector<std::string>> seen;
     std::erase_if(contenders_, [&](const Contender& one) { return !seen.insert(one.model.effects).second; });
+    for (const Contender& one : contenders_) ends_[one.model.effects] = one.model.nearest;
     if (plain_ < like_own)  // a gap in few statistics, of which the distance hardly tells: the scan does
       std::stable_sort(contenders_.begin(), contenders_.end(),
                        [](const Contender& a, const Contender& b) { return a.evidence > b.evidence; });
@@ -79,6 +80,7 @@ class Race {
       }
       progress_(title(contenders_[k].model), 0.4 + 0.1 * static_cast<double>(k));
       go_on(contenders_[k], more_rounds, "fit 2/");
+      ends_[contenders_[k].model.effects] = contenders_[k].model.nearest;
     }
     if (plain_ >= like_own) sort();
     const double& nearest = contenders_.front().model.distance;
@@ -105,6 +107,7 @@ class Race {
   const FitGround& ground_;
   const StackPlan& plan_;
   const StepProgress& progress_;
+  Ends& ends_;
   double plain_ = 0;  // distance of the plain model
 };
 
@@ -141,8 +144,8 @@ std::string title(const Model& model) {
 
 std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, const FitGround& ground,
                                          const std::vector<StatisticDeclaration>& battery, double alone,
-                                         const StackPlan& plan, const StepProgress& progress) {
-  Race race(contenders, ground, plan, progress);
+                                         const StackPlan& plan, const StepProgress& progress, Ends& ends) {
+  Race race(contenders, ground, plan, progress, ends);
   race.first(alone);
   race.follow_up();
   std::vector<double> closed;

@@ -3,6 +3,7 @@
 // come near, and the nearest are judged.
 
 #include <functional>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,15 +23,18 @@ struct Contender {
   double evidence = 0;  // how promising it looked, logarithm
 };
 
+/// Where the fits of each combination of effects came nearest: all open parameters.
+using Ends = std::map<std::vector<std::string>, std::vector<Uncertain>>;
+
 using StepProgress = std::function<void(const std::string& step, double done)>;  // 0 to 1
 
 /// The effects of a model, as people read them.
 std::string title(const Model& model);
 
 /// The nearest of the contenders, judged; of each combination of effects the best start. What is not nearer
-/// than `alone`, where a simpler model is, is let go after the first rounds.
+/// than `alone`, where a simpler model is, is let go after the first rounds. Adds to `ends`.
 std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, const FitGround& ground,
                                          const std::vector<StatisticDeclaration>& battery, double alone,
-                                         const StackPlan& plan, const StepProgress& progress);
+                                         const StackPlan& plan, const StepProgress& progress, Ends& ends);
 
 }  // namespace atomcam

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 
 #include "base/error.hpp"
 #include "diagnosis/contenders.hpp"
@@ -169,7 +170,7 @@ class Diagnoser {
     };
     std::vector<Model> judged;
     for (Contender& one : fitted_and_judged(std::move(contenders), {&plain_, real_stack()}, declarations_,
-                                            alone, plan_, progress)) {
+                                            alone, plan_, progress, ends_)) {
       note(one.model, one.evidence);
       judged.push_back(std::move(one.model));
     }
@@ -267,8 +268,14 @@ class Diagnoser {
       // A second effect must speak for itself: many others could soak up a little of what the first leaves.
       if (match.gain < second_evidence) continue;
       const Scan &one = scans[match.first], &two = scans[match.second];
-      candidates.push_back({one.effect->name + " + " + two.effect->name,
-                            with(with(plain_, one, match.best_first), two, match.best_second), match.gain});
+      const std::string names = one.effect->name + " + " + two.effect->name;
+      candidates.push_back(
+          {names, with(with(plain_, one, match.best_first), two, match.best_second), match.gain});
+      // What two strong effects do does not add up; but each alone has been fitted.
+      const auto first_alone = end_alone(one), second_alone = end_alone(two);
+      if (first_alone && second_alone)
+        candidates.push_back({names + ", each as alone",
+                              with(with(plain_, one, *first_alone), two, *second_alone), match.gain});
     }
     std::vector<Model> pairs, undecided;
     std::vector<Contender> lone;
@@ -334,6 +341,18 @@ class Diagnoser {
       result_.p_after = result_.p_gap;
       return;
     }
+  }
+
+  /// Where the effect ended when it was fitted alone, if it was.
+  std::optional<Eigen::VectorXd> end_alone(const Scan& scan) const {
+    const auto found = ends_.find({scan.effect->name});
+    if (found == ends_.end()) return {};
+    const auto count = static_cast<Eigen::Index>(scan.open.size());
+    const auto from = std::ssize(found->second) - count;
+    Eigen::VectorXd end(count);
+    for (Eigen::Index k = 0; k < count; ++k)
+      end(k) = found->second[static_cast<std::size_t>(from + k)].centre;
+    return end;
   }
 
   /// One model or none.
@@ -429,11 +448,15 @@ class Diagnoser {
     for (Model& model : models)
       if (passes(model)) passed.push_back(&model);
     if (passed.empty()) return false;
-    // What the frames are odd under gives way to what explains them and closes as much.
+    // What the frames are odd under gives way to what explains them and closes as much: likelihoods take a
+    // law that scatters little for a better one, as statistics that go together count nearly as if apart.
+    constexpr double odd = 0.05, odder = 20;
     const std::vector<Model*> all = passed;
     std::erase_if(passed, [&](const Model* near) {
-      return near->p_value < reject_level && std::any_of(all.begin(), all.end(), [&](const Model* model) {
-               return model->p_value >= reject_level && closed_by(*model) >= closed_by(*near);
+      return near->p_value < odd && std::any_of(all.begin(), all.end(), [&](const Model* model) {
+               const bool explains = near->p_value < reject_level ? model->p_value >= reject_level
+                                                                  : model->p_value > odder * near->p_value;
+               return explains && closed_by(*model) >= closed_by(*near);
              });
     });
     std::sort(passed.begin(), passed.end(),
@@ -584,6 +607,7 @@ class Diagnoser {
   BatteryValues real_;
   Model plain_, final_;
   std::vector<Scan> scans_;
+  Ends ends_;
   bool have_final_ = false;
   std::optional<FieldFocus> field_focus_;
 };

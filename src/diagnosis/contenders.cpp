@@ -171,10 +171,14 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
     std::vector<Judged> looks;
     looks.push_back(judged(std::move(model), "/" + name));
     // Near, and not quite there: as many stacks show the way better than the few of a fit's round.
-    while (looks.size() <= more_looks && looks.back().closed > least_to_pass &&
-           looks.back().model.p_value < comfortable) {
+    const auto near = [&](const Judged& look) {
+      return look.closed > least_to_pass || closed_by_own_stacks(look.model, *ground.plain, battery) == 1;
+    };
+    while (looks.size() <= more_looks && near(looks.back()) && looks.back().model.p_value < comfortable) {
       Judged next = judged(about_estimate(looks.back().model), fmt::format(" {}/{}", looks.size(), name));
-      if (next.model.log_likelihood < looks.back().model.log_likelihood) break;
+      if (next.model.log_likelihood < looks.back().model.log_likelihood &&
+          next.model.p_value < looks.back().model.p_value)
+        break;
       looks.push_back(std::move(next));
     }
     const auto rank = [](const Judged& one) {
@@ -189,7 +193,8 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
   // What will not be named needs no errors.
   for (std::size_t k = 0; k < contenders.size(); ++k)
     if (Model& model = contenders[k].model;
-        closed[k] > least_to_pass && model.log_likelihood > likeliest - beyond_doubt)
+        closed[k] > least_to_pass &&
+        (model.p_value >= reject_level || model.log_likelihood > likeliest - beyond_doubt))
       widen(model, *ground.real.values, judged_stacks, plan, numbers_of("widen/" + contenders[k].name));
   return contenders;
 }

@@ -51,8 +51,9 @@ DetectionGround::Seen DetectionGround::look(const EffectDeclaration& effect, Par
   Eigen::VectorXd half[2];
   for (auto& sum : half) sum.setZero(population.whole.cols());
   for (Eigen::Index n = 0; n < population.stacks(); ++n) {
+    // Each would be calibrated itself.
     const Eigen::VectorXd z =
-        plain_.standard->tolerated(plain_.standard->judge(population.whole.row(n).transpose()));
+        plain_.standard->tolerated(plain_.standard->judge_recalibrated(population.whole.row(n).transpose()));
     p_values.push_back(plain_.test->p_value(z));
     half[n % 2] += compressed(z) / (stacks / 2);
   }

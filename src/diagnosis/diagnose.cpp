@@ -12,6 +12,7 @@
 #include "diagnosis/field_focus.hpp"
 #include "diagnosis/gap_closed.hpp"
 #include "diagnosis/model.hpp"
+#include "diagnosis/rivals.hpp"
 #include "diagnosis/scan.hpp"
 #include "diagnosis/stages.hpp"
 
@@ -19,6 +20,7 @@ namespace atomcam {
 namespace {
 
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
+constexpr double pair_odds = 5;         // logarithm, over the likeliest of one effect, for two
 
 constexpr double least_closed = 0.75;  // at best, of the gap on held-out frames, for an effect to be named
 constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
@@ -283,7 +285,7 @@ class Diagnoser {
     for (const Model& model : singles) alone = std::min(alone, model.distance);
     for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, alone)) {
       // Strengths of what comes out differently every time are not known well: then likelihood tells.
-      const bool likelier = model.log_likelihood > left_alone.log_likelihood + 2 * second_evidence;
+      const bool likelier = Rivals(model, left_alone).odds(as_vector(real_.whole)) > pair_odds;
       const std::vector<std::string> needed = significant(model);
       if (needed.size() < model.effects.size()) {
         // It may be the place that the pair's fit found for one of the two that explains.
@@ -300,9 +302,10 @@ class Diagnoser {
     if (choose(pairs)) return;
     for (Model& model : fit_and_judge(std::move(lone), 0.95, 1)) singles.push_back(std::move(model));
     if (choose(singles)) return;
-    const double either = likeliest(singles).log_likelihood;
-    std::erase_if(undecided,
-                  [&](const Model& model) { return model.log_likelihood < either + 2 * second_evidence; });
+    const Model& either = likeliest(singles);
+    std::erase_if(undecided, [&](const Model& model) {
+      return Rivals(model, either).odds(as_vector(real_.whole)) < pair_odds;
+    });
     if (choose(undecided)) return;
     std::vector<Model> all;
     for (auto& m : singles) all.push_back(std::move(m));
@@ -459,22 +462,45 @@ class Diagnoser {
                return explains && closed_by(*model) >= closed_by(*near);
              });
     });
-    std::sort(passed.begin(), passed.end(),
-              [](const Model* a, const Model* b) { return a->log_likelihood > b->log_likelihood; });
-    const double best = passed.front()->log_likelihood;
+    const std::vector<double> odds = odds_among(passed);
+    const auto first = std::max_element(odds.begin(), odds.end()) - odds.begin();
     double total = 0;
-    for (const Model* model : passed) total += std::exp(model->log_likelihood - best);
-    accept(*passed.front(), 1 / total);
+    for (const double one : odds) total += std::exp(one - odds[static_cast<std::size_t>(first)]);
+    const auto probability = [&](std::size_t k) {
+      return std::exp(odds[k] - odds[static_cast<std::size_t>(first)]) / total;
+    };
     result_.verdict = Verdict::explained;
+    std::vector<std::string> neighbours;
     if (1 / total < 0.9) {
       result_.verdict = Verdict::ambiguous;
-      for (std::size_t k = 1; k < passed.size(); ++k)
-        if (std::exp(passed[k]->log_likelihood - best) / total > 0.02)
-          for (const std::string& name : passed[k]->effects)
-            for (FoundEffect& found : result_.effects)
-              if (name != found.name) found.confusable_with.push_back(name);
+      for (std::size_t k = 0; k < passed.size(); ++k)
+        if (static_cast<std::ptrdiff_t>(k) != first && probability(k) > 0.02)
+          neighbours.insert(neighbours.end(), passed[k]->effects.begin(), passed[k]->effects.end());
     }
+    accept(*passed[static_cast<std::size_t>(first)], 1 / total);
+    for (FoundEffect& found : result_.effects)
+      for (const std::string& name : neighbours)
+        if (name != found.name) found.confusable_with.push_back(name);
     return true;
+  }
+
+  /// Logarithms of how likely each is of those that pass, up to a constant: against the one that no other
+  /// beats, or that loses least.
+  std::vector<double> odds_among(const std::vector<Model*>& models) const {
+    const Eigen::VectorXd statistics = as_vector(real_.whole);
+    const auto count = static_cast<Eigen::Index>(models.size());
+    Eigen::MatrixXd odds = Eigen::MatrixXd::Zero(count, count);  // [one, other]
+    for (Eigen::Index i = 0; i < count; ++i)
+      for (Eigen::Index j = i + 1; j < count; ++j) {
+        const Rivals rivals(*models[static_cast<std::size_t>(i)], *models[static_cast<std::size_t>(j)]);
+        odds(i, j) = rivals.odds(statistics);
+        odds(j, i) = -odds(i, j);
+      }
+    Eigen::Index first = 0;
+    odds.rowwise().minCoeff().maxCoeff(&first);
+    std::vector<double> over_first(models.size());
+    for (Eigen::Index i = 0; i < count; ++i) over_first[static_cast<std::size_t>(i)] = odds(i, first);
+    return over_first;
   }
 
   /// No model passes. One that closes nearly all of a large gap is named all the same, with what it leaves.

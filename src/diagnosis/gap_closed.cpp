@@ -1,6 +1,7 @@
 #include "diagnosis/gap_closed.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <set>
 
@@ -28,16 +29,32 @@ double closed_in(const Eigen::VectorXd& units_before, const Eigen::VectorXd& uni
   return before > floor ? 1 - std::max(0.0, after - floor) / (before - floor) : 0;
 }
 
-/// By that stack of the model's own which comes nearest to the frames, in the plain model's units.
-double closed_by_nearest(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
+/// What is left of deviations where all is taken off that the model's own stacks have together with others
+/// of their deviations (the mean of a normal law, given the frames, of so many directions and noise of unit
+/// deviation). `own`: of the model's own stacks, a row each, in the same units.
+Eigen::VectorXd without_common_scatter(const Eigen::VectorXd& z, const Eigen::MatrixXd& own) {
+  const Eigen::MatrixXd directions =
+      own / std::sqrt(static_cast<double>(std::max<Eigen::Index>(1, own.rows())));
+  Eigen::MatrixXd gram = directions * directions.transpose();
+  gram.diagonal().array() += 1;
+  return z - directions.transpose() * gram.llt().solve(directions * z);
+}
+
+/// By what the model's own stacks can look like, in the plain model's units.
+double closed_by_own(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
+  constexpr double usual = 0.99;  // part of the plain model's own stacks
   const Eigen::ArrayXd own = model.standard->deviation(), before = plain.standard->deviation();
   const Eigen::VectorXd units = (own > 0 && before > 0).select(own / before.max(1e-300), 0.0) * mask.array();
+  const Floor floor(plain.standard->own(), mask);
+  const Eigen::MatrixXd& stacks = model.standard->own();
+  if (gap_of(without_common_scatter(model.z.cwiseProduct(units), stacks * units.asDiagonal())) <
+      floor.at(usual))
+    return 1;
   double left = std::numeric_limits<double>::infinity();
-  for (const auto& stack : model.standard->own().rowwise())
+  for (const auto& stack : stacks.rowwise())
     left = std::min(left, gap_of((model.z - stack.transpose()).cwiseProduct(units)));
-  const double gap = gap_of(plain.z.cwiseProduct(mask));
-  const double floor = Floor(plain.standard->own(), mask).at(0.5);
-  return gap > floor ? 1 - std::max(0.0, left - 2 * floor) / (gap - floor) : 0;  // both of them scatter
+  const double gap = gap_of(plain.z.cwiseProduct(mask)), both = 2 * floor.at(0.5);  // both of them scatter
+  return gap > floor.at(0.5) ? 1 - std::max(0.0, left - both) / (gap - floor.at(0.5)) : 0;
 }
 
 /// Closed over all frames, and whether each model counts in its own units.
@@ -69,14 +86,22 @@ class HeldOut {
         before_(plain.population, Part::held_out),
         after_(found.population, Part::held_out, effects_of(found),
                found.explains.empty() ? Eigen::VectorXd() : found.standard->discrepancy(), effects_reach),
-        in_own_units_(closed_by_all(found, plain, only_of(found.explains, battery)).in_own_units),
-        units_(units_of(after_, before_)),
         own_(as_fitted(found)) {
     const Eigen::VectorXd statistics = as_vector(real.part[1]);
     const Eigen::VectorXd values =
         fitted_to_first_part(found, real).tail(std::ssize(found.open) - found.first_effect_parameter);
-    z_before_ = before_.judge(statistics).cwiseProduct(units_of(before_, after_));
-    z_after_ = after_.judge(statistics, values).cwiseProduct(units_);
+    z_before_ = before_.judge(statistics);
+    z_after_ = after_.judge(statistics, values);
+    const Eigen::VectorXd in_common = z_before_.cwiseProduct(in_larger_units(before_, after_));
+    if (closed_by_all(found, plain, only_of(found.explains, battery)).in_own_units ||
+        gap_of(in_common) < hidden * gap_of(z_before_)) {
+      grant_scatter();
+      return;
+    }
+    z_before_ = in_common;
+    const Eigen::VectorXd units = in_larger_units(after_, before_);
+    z_after_ = z_after_.cwiseProduct(units);
+    own_ = own_ * units.asDiagonal();
   }
 
   struct Closing {
@@ -84,7 +109,7 @@ class HeldOut {
   };
   Closing closing(const std::vector<std::string>& observables) const {
     const Eigen::VectorXd mask = only_of(observables, battery_);
-    const Floor floor(own_, units_.cwiseProduct(mask));
+    const Floor floor(own_, mask);
     Closing one;
     one.before = gap_of(z_before_.cwiseProduct(mask));
     one.after = gap_of(z_after_.cwiseProduct(mask));
@@ -107,8 +132,19 @@ class HeldOut {
     return list;
   }
 
-  Eigen::VectorXd units_of(const Standard& model, const Standard& other) const {
-    return in_own_units_ ? Eigen::VectorXd::Ones(std::ssize(battery_)) : in_larger_units(model, other);
+  /// What comes out differently in every stack would hide the gap in units of the larger deviation: in the
+  /// plain model's units, what the own stacks have together being taken off.
+  void grant_scatter() {
+    const Eigen::ArrayXd own = after_.deviation(), before = before_.deviation();
+    const Eigen::VectorXd units = (own > 0 && before > 0).select(own / before.max(1e-300), 0.0);
+    const Eigen::MatrixXd stacks = own_ * units.asDiagonal();
+    z_before_ = z_before_.cwiseProduct((units.array() > 0).cast<double>().matrix());
+    z_after_ = without_common_scatter(z_after_.cwiseProduct(units), stacks);
+    for (Eigen::Index n = 0; n < stacks.rows(); ++n) {
+      Eigen::MatrixXd others = stacks;
+      others.row(n).setZero();
+      own_.row(n) = without_common_scatter(stacks.row(n).transpose(), others).transpose();
+    }
   }
 
   /// The model's own stacks, judged as the real one is: by what half of the frames says of the effects, not
@@ -132,12 +168,12 @@ class HeldOut {
     return own;
   }
 
+  static constexpr double hidden = 0.5;  // less of the gap is left in units of the larger deviation
+
   const std::vector<StatisticDeclaration>& battery_;
   Standard before_, after_;
-  bool in_own_units_;
-  Eigen::VectorXd units_;
-  Eigen::MatrixXd own_;
-  Eigen::VectorXd z_before_, z_after_;
+  Eigen::MatrixXd own_;                 // of the model with effects, as z_after
+  Eigen::VectorXd z_before_, z_after_;  // deviations in common units
 };
 
 }  // namespace
@@ -159,7 +195,12 @@ Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
 
 double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery) {
   const Eigen::VectorXd mask = only_of(model.explains, battery);
-  return std::min(closed_by_all(model, plain, mask).closed, closed_by_nearest(model, plain, mask));
+  return std::min(closed_by_all(model, plain, mask).closed, closed_by_own(model, plain, mask));
+}
+
+double closed_by_own_stacks(const Model& model, const Model& plain,
+                            const std::vector<StatisticDeclaration>& battery) {
+  return closed_by_own(model, plain, only_of(model.explains, battery));
 }
 
 Eigen::VectorXd fitted_to_first_part(const Model& model, const BatteryValues& real) {

@@ -19,9 +19,14 @@ inline constexpr double least_to_pass = 0.6;  // closed, for a model that the fr
 /// units of the larger of their deviations: nothing is closed by a model that only scatters widely. Some
 /// effects come out differently every time (a few cosmic rays, a walk of the bias), and hide most of a gap
 /// that way. If the frames are hardly odd under such a model and much likelier than under the plain one,
-/// though its scatter counts against it, each counts in its own units. No more is closed than what the
-/// nearest of the model's own stacks would close: scatter that goes elsewhere explains nothing.
+/// though its scatter counts against it, each counts in its own units. No more is closed than by what
+/// the model's own stacks can look like: scatter that goes elsewhere explains nothing.
 double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery);
+
+/// The last of these: all, if the frames differ from the judged model only in directions in which its own
+/// stacks scatter; else what the own stack that comes nearest would close.
+double closed_by_own_stacks(const Model& model, const Model& plain,
+                            const std::vector<StatisticDeclaration>& battery);
 
 /// The model's open parameters (coordinates) as the first of the interleaved parts has them.
 Eigen::VectorXd fitted_to_first_part(const Model& model, const BatteryValues& real);

@@ -100,6 +100,42 @@ Standard::Estimate within_draws(Standard::Estimate estimate, const std::vector<U
   return estimate;
 }
 
+namespace {
+
+/// What a likelihood loses as the model is wide.
+double log_width(const Standard& standard, const Correlation& correlation) {
+  const Eigen::ArrayXd deviation = standard.deviation().array();
+  Eigen::ArrayXd scatter = deviation;
+  if (standard.discrepancy().size())
+    scatter = (deviation.square() + standard.discrepancy().array().square()).sqrt();
+  return 0.5 * correlation.log_determinant() + (deviation > 0).select(scatter.max(1e-12).log(), 0.0).sum();
+}
+
+}  // namespace
+
+Eigen::VectorXd log_likelihoods(const Model& model, const Eigen::MatrixXd& statistics) {
+  const Standard& standard = *model.standard;
+  Eigen::MatrixXd z(statistics.cols(), statistics.rows());
+  for (Eigen::Index n = 0; n < statistics.rows(); ++n)
+    z.col(n) = compressed(standard.tolerated(standard.judge(statistics.row(n).transpose())));
+  return (-0.5 * model.correlation->squares(z)).array() - log_width(standard, *model.correlation);
+}
+
+Eigen::VectorXd own_log_likelihoods(const Model& model) {
+  const Standard& standard = *model.standard;
+  const Eigen::MatrixXd& own = standard.own();
+  Eigen::VectorXd all(own.rows());
+  for (int fold = 0; fold < Standard::folds; ++fold) {
+    std::vector<Eigen::Index> in, out;
+    for (Eigen::Index n = 0; n < own.rows(); ++n) (n % Standard::folds == fold ? out : in).push_back(n);
+    const Correlation correlation(own(in, Eigen::all));
+    const double width = log_width(standard, correlation);
+    for (const Eigen::Index n : out)
+      all(n) = -0.5 * correlation.squares(compressed(standard.tolerated(own.row(n).transpose())))(0) - width;
+  }
+  return all;
+}
+
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,
            const Model* plain, const std::function<void(int)>& progress) {
   model.population = simulate_population(model.lab, model.open, stacks, plan, first, nullptr, progress);
@@ -127,11 +163,8 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   model.gap = gap_of(model.z);
   model.floor = Floor(model.standard->own()).at(0.5);
   model.correlation = std::make_unique<Correlation>(model.standard->own());
-  const Eigen::ArrayXd deviation = model.standard->deviation().array();
-  const Eigen::ArrayXd scatter = (deviation.square() + model.standard->discrepancy().array().square()).sqrt();
-  const double width = 0.5 * model.correlation->log_determinant() +
-                       (deviation > 0).select(scatter.max(1e-12).log(), 0.0).sum();
-  model.log_likelihood = -0.5 * model.correlation->squares(compressed(tolerated))(0) - width;
+  model.log_likelihood = log_likelihoods(model, statistics.transpose())(0);
+  const double width = log_width(*model.standard, *model.correlation);
   model.usual_log_likelihood =
       -0.5 * model.correlation->squares(compressed_rows(own).transpose()).mean() - width;
 }

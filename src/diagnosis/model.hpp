@@ -62,6 +62,11 @@ Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& rea
 Standard::Estimate within_draws(Standard::Estimate estimate, const std::vector<Uncertain>& open,
                                 Eigen::Index first);
 
+/// Logarithmic likelihoods of stacks' batteries (a row each) under a judged model; and of its own stacks,
+/// each under what the others say of the model (as many folds as in its standard).
+Eigen::VectorXd log_likelihoods(const Model& model, const Eigen::MatrixXd& statistics);
+Eigen::VectorXd own_log_likelihoods(const Model& model);
+
 /// Simulates `stacks` of the model and judges the real one by them. `plain`: the judged plain model, for the
 /// discrepancy that a model with effects is allowed; none of it without.
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,

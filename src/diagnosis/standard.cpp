@@ -10,7 +10,6 @@ namespace {
 
 constexpr double winsor = 5;         // residuals count at most this many deviations in the estimates
 constexpr double prior_widths = 10;  // of a parameter, in widths of its draws
-constexpr int folds = 10;
 constexpr double largest_z = 1e4;
 constexpr double ordinary = 4;  // deviations that a model's own stacks have now and then
 constexpr double still = 0.35;

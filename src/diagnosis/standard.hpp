@@ -42,7 +42,9 @@ class Standard {
   Eigen::VectorXd judge_recalibrated(const Eigen::VectorXd& statistics) const;
   /// The same residuals with the discrepancy counted as scatter.
   Eigen::VectorXd tolerated(const Eigen::VectorXd& z) const;
-  /// Residuals of the population's own stacks, each judged by a standard made without it (ten folds).
+  /// Residuals of the population's own stacks, each judged by a standard made without it: stack n without
+  /// those of its fold, n modulo `folds`.
+  static constexpr int folds = 10;
   const Eigen::MatrixXd& own() const { return own_; }
   /// Open parameters that fit the stack best (coordinates) and the errors of such estimates.
   Eigen::VectorXd estimate(const Eigen::VectorXd& statistics) const;

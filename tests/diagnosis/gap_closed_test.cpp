@@ -35,6 +35,28 @@ class MadeUp {
     wide.z = wide.standard->judge(real);
     return closed_by(wide, plain, std::vector<StatisticDeclaration>(statistics));
   }
+  /// Of frames whose statistics are moved in pairs, either as those of the wide model or each pair apart.
+  double closed_by_walks(bool together) {
+    const auto moved_in_pairs = [&](Eigen::Index count, double second) {
+      Eigen::MatrixXd all = Eigen::MatrixXd::NullaryExpr(count, statistics, [&] { return normal_(random_); });
+      for (Eigen::Index n = 0; n < count; ++n)
+        for (Eigen::Index i = 0; i < statistics; i += 2) {
+          const double by = 8 * normal_(random_);
+          all(n, i) += by;
+          all(n, i + 1) += second * by;
+        }
+      return all;
+    };
+    Model plain = model(false), wide = model(false);
+    wide.population.whole = moved_in_pairs(stacks, 1);
+    wide.standard = std::make_unique<Standard>(wide.population, Part::whole);
+    wide.p_value = 0.5;
+    wide.log_likelihood = 1000;
+    const Eigen::VectorXd real = moved_in_pairs(1, together ? 1 : -1).row(0).transpose();
+    plain.z = plain.standard->judge(real);
+    wide.z = wide.standard->judge(real);
+    return closed_by(wide, plain, std::vector<StatisticDeclaration>(statistics));
+  }
 
  private:
   Eigen::MatrixXd noise(Eigen::Index columns) {
@@ -50,6 +72,13 @@ TEST(GapClosed, ScatterThatGoesElsewhereClosesNothing) {
   EXPECT_GT(made.closed(20, 20), 0.95);
   EXPECT_GT(made.closed(35, 35), 0.95);
   EXPECT_LT(made.closed(20, -20), 0.1);
+}
+
+// A walk is another one in every stack, and no other stack comes near; but all are made of the same steps.
+TEST(GapClosed, ScatterInManyDirectionsClosesWhatLiesInThem) {
+  MadeUp made;
+  EXPECT_GT(made.closed_by_walks(true), 0.95);
+  EXPECT_LT(made.closed_by_walks(false), 0.5);
 }
 
 }  // namespace

@@ -284,15 +284,17 @@ class Diagnoser {
     double alone = 1e300;
     for (const Model& model : singles) alone = std::min(alone, model.distance);
     for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, alone)) {
-      // Strengths of what comes out differently every time are not known well: then likelihood tells.
+      // Strengths of what comes out differently every time are not known well: then likelihood tells, or what
+      // one effect cannot be right about.
       const bool likelier = Rivals(model, left_alone).odds(as_vector(real_.whole)) > pair_odds;
       const std::vector<std::string> needed = significant(model);
       if (needed.size() < model.effects.size()) {
+        if (!passes(model)) continue;
         // It may be the place that the pair's fit found for one of the two that explains.
-        if (needed.size() != 1 || !passes(model)) continue;
-        lone.push_back({needed.front() + ", of " + title(model), only(model, needed.front()),
-                        evidence_for(needed.front())});
-        if (likelier) undecided.push_back(std::move(model));
+        if (needed.size() == 1)
+          lone.push_back({needed.front() + ", of " + title(model), only(model, needed.front()),
+                          evidence_for(needed.front())});
+        if (likelier || contradicted(left_alone)) undecided.push_back(std::move(model));
         continue;
       }
       // The pair must leave much less than the better of the two alone, in its own standard deviations.
@@ -304,7 +306,7 @@ class Diagnoser {
     if (choose(singles)) return;
     const Model& either = likeliest(singles);
     std::erase_if(undecided, [&](const Model& model) {
-      return Rivals(model, either).odds(as_vector(real_.whole)) < pair_odds;
+      return Rivals(model, either).odds(as_vector(real_.whole)) < pair_odds && !contradicted(either);
     });
     if (choose(undecided)) return;
     std::vector<Model> all;

@@ -172,7 +172,7 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
     looks.push_back(judged(std::move(model), "/" + name));
     // Near, and not quite there: as many stacks show the way better than the few of a fit's round.
     const auto near = [&](const Judged& look) {
-      return look.closed > least_to_pass || closed_by_own_stacks(look.model, *ground.plain, battery) == 1;
+      return look.closed > least_to_pass || differs_as_own_stacks(look.model, *ground.plain, battery);
     };
     while (looks.size() <= more_looks && near(looks.back()) && looks.back().model.p_value < comfortable) {
       Judged next = judged(about_estimate(looks.back().model), fmt::format(" {}/{}", looks.size(), name));

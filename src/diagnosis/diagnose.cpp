@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <optional>
+#include <set>
 
 #include "base/error.hpp"
 #include "diagnosis/contenders.hpp"
@@ -472,17 +473,17 @@ class Diagnoser {
       return std::exp(odds[k] - odds[static_cast<std::size_t>(first)]) / total;
     };
     result_.verdict = Verdict::explained;
-    std::vector<std::string> neighbours;
+    std::set<std::string> neighbours;
     if (1 / total < 0.9) {
       result_.verdict = Verdict::ambiguous;
       for (std::size_t k = 0; k < passed.size(); ++k)
         if (static_cast<std::ptrdiff_t>(k) != first && probability(k) > 0.02)
-          neighbours.insert(neighbours.end(), passed[k]->effects.begin(), passed[k]->effects.end());
+          neighbours.insert(passed[k]->effects.begin(), passed[k]->effects.end());
     }
+    for (const std::string& name : passed[static_cast<std::size_t>(first)]->effects) neighbours.erase(name);
     accept(*passed[static_cast<std::size_t>(first)], 1 / total);
     for (FoundEffect& found : result_.effects)
-      for (const std::string& name : neighbours)
-        if (name != found.name) found.confusable_with.push_back(name);
+      found.confusable_with.assign(neighbours.begin(), neighbours.end());
     return true;
   }
 

@@ -40,21 +40,29 @@ Eigen::VectorXd without_common_scatter(const Eigen::VectorXd& z, const Eigen::Ma
   return z - directions.transpose() * gram.llt().solve(directions * z);
 }
 
-/// By what the model's own stacks can look like, in the plain model's units.
-double closed_by_own(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
+/// By what a model's deviations are multiplied to be in units of the plain model's; 0 where one has none.
+Eigen::VectorXd in_plain_units(const Standard& model, const Standard& plain) {
+  const auto own = model.deviation().array(), before = plain.deviation().array();
+  return (own > 0 && before > 0).select(own / before.max(1e-300), 0.0);
+}
+
+bool differs_as_own_stacks(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
   constexpr double usual = 0.99;  // part of the plain model's own stacks
-  const Eigen::ArrayXd own = model.standard->deviation(), before = plain.standard->deviation();
-  const Eigen::VectorXd units = (own > 0 && before > 0).select(own / before.max(1e-300), 0.0) * mask.array();
-  const Floor floor(plain.standard->own(), mask);
-  const Eigen::MatrixXd& stacks = model.standard->own();
-  if (gap_of(without_common_scatter(model.z.cwiseProduct(units), stacks * units.asDiagonal())) <
-      floor.at(usual))
-    return 1;
+  const Eigen::VectorXd units = in_plain_units(*model.standard, *plain.standard).cwiseProduct(mask);
+  const Eigen::MatrixXd stacks = model.standard->own() * units.asDiagonal();
+  return gap_of(without_common_scatter(model.z.cwiseProduct(units), stacks)) <
+         Floor(plain.standard->own(), mask).at(usual);
+}
+
+/// By that stack of the model's own which comes nearest to the frames, in the plain model's units.
+double closed_by_nearest(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
+  const Eigen::VectorXd units = in_plain_units(*model.standard, *plain.standard).cwiseProduct(mask);
   double left = std::numeric_limits<double>::infinity();
-  for (const auto& stack : stacks.rowwise())
+  for (const auto& stack : model.standard->own().rowwise())
     left = std::min(left, gap_of((model.z - stack.transpose()).cwiseProduct(units)));
-  const double gap = gap_of(plain.z.cwiseProduct(mask)), both = 2 * floor.at(0.5);  // both of them scatter
-  return gap > floor.at(0.5) ? 1 - std::max(0.0, left - both) / (gap - floor.at(0.5)) : 0;
+  const double gap = gap_of(plain.z.cwiseProduct(mask));
+  const double floor = Floor(plain.standard->own(), mask).at(0.5);
+  return gap > floor ? 1 - std::max(0.0, left - 2 * floor) / (gap - floor) : 0;  // both of them scatter
 }
 
 /// Closed over all frames, and whether each model counts in its own units.
@@ -135,8 +143,7 @@ class HeldOut {
   /// What comes out differently in every stack would hide the gap in units of the larger deviation: in the
   /// plain model's units, what the own stacks have together being taken off.
   void grant_scatter() {
-    const Eigen::ArrayXd own = after_.deviation(), before = before_.deviation();
-    const Eigen::VectorXd units = (own > 0 && before > 0).select(own / before.max(1e-300), 0.0);
+    const Eigen::VectorXd units = in_plain_units(after_, before_);
     const Eigen::MatrixXd stacks = own_ * units.asDiagonal();
     z_before_ = z_before_.cwiseProduct((units.array() > 0).cast<double>().matrix());
     z_after_ = without_common_scatter(z_after_.cwiseProduct(units), stacks);
@@ -195,12 +202,14 @@ Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
 
 double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery) {
   const Eigen::VectorXd mask = only_of(model.explains, battery);
-  return std::min(closed_by_all(model, plain, mask).closed, closed_by_own(model, plain, mask));
+  const double closed = closed_by_all(model, plain, mask).closed;
+  return differs_as_own_stacks(model, plain, mask) ? closed
+                                                   : std::min(closed, closed_by_nearest(model, plain, mask));
 }
 
-double closed_by_own_stacks(const Model& model, const Model& plain,
-                            const std::vector<StatisticDeclaration>& battery) {
-  return closed_by_own(model, plain, only_of(model.explains, battery));
+bool differs_as_own_stacks(const Model& model, const Model& plain,
+                           const std::vector<StatisticDeclaration>& battery) {
+  return differs_as_own_stacks(model, plain, only_of(model.explains, battery));
 }
 
 Eigen::VectorXd fitted_to_first_part(const Model& model, const BatteryValues& real) {

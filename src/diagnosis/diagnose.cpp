@@ -266,20 +266,9 @@ class Diagnoser {
     const Model& left_alone = likeliest(singles);
     const std::vector<PairMatch> matches = match_pairs(scans, 4, real, plan_.threads);
     std::vector<Contender> candidates;
-    for (std::size_t k = 0; k < std::min<std::size_t>(4, matches.size()); ++k) {
-      const PairMatch& match = matches[k];
+    for (std::size_t k = 0; k < std::min<std::size_t>(4, matches.size()); ++k)
       // A second effect must speak for itself: many others could soak up a little of what the first leaves.
-      if (match.gain < second_evidence) continue;
-      const Scan &one = scans[match.first], &two = scans[match.second];
-      const std::string names = one.effect->name + " + " + two.effect->name;
-      candidates.push_back(
-          {names, with(with(plain_, one, match.best_first), two, match.best_second), match.gain});
-      // What two strong effects do does not add up; but each alone has been fitted.
-      const auto first_alone = end_alone(one), second_alone = end_alone(two);
-      if (first_alone && second_alone)
-        candidates.push_back({names + ", each as alone",
-                              with(with(plain_, one, *first_alone), two, *second_alone), match.gain});
-    }
+      if (matches[k].gain >= second_evidence) add_pair(matches[k], candidates);
     std::vector<Model> pairs, undecided;
     std::vector<Contender> lone;
     double alone = 1e300;
@@ -347,6 +336,19 @@ class Diagnoser {
       result_.p_after = result_.p_gap;
       return;
     }
+  }
+
+  /// Both effects as their fingerprints add up best, and each as it ended alone: what two strong effects do
+  /// does not add up.
+  void add_pair(const PairMatch& match, std::vector<Contender>& candidates) {
+    const Scan &one = scans_[match.first], &two = scans_[match.second];
+    const std::string names = one.effect->name + " + " + two.effect->name;
+    candidates.push_back(
+        {names, with(with(plain_, one, match.best_first), two, match.best_second), match.gain});
+    const auto first_alone = end_alone(one), second_alone = end_alone(two);
+    if (first_alone && second_alone)
+      candidates.push_back(
+          {names + ", each as alone", with(with(plain_, one, *first_alone), two, *second_alone), match.gain});
   }
 
   /// Where the effect ended when it was fitted alone, if it was.

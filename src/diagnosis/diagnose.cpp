@@ -433,7 +433,7 @@ class Diagnoser {
   /// Nothing is left that the model does not have, or as little of a large gap as somebody's camera and the
   /// catalogue's model of its effect may well differ.
   bool passes(const Model& model) const {
-    if (contradicted(model)) return false;
+    if (contradicted(model) || beyond_its_law(model)) return false;
     const double closed = closed_by(model);
     // Stacks that scatter widely are never odd: an explanation also has to take the gap away.
     if (model.p_value >= reject_level) return closed > least_to_pass;
@@ -514,7 +514,7 @@ class Diagnoser {
     if (models.empty()) return;
     Model& best = likeliest(models);
     const double closed = closed_by(best);
-    if (closed < 0.9 || contradicted(best)) return;
+    if (closed < 0.9 || contradicted(best) || beyond_its_law(best)) return;
     accept(best, 0.5 + 0.5 * closed);
     result_.verdict = closed >= 0.95 ? Verdict::explained : Verdict::partly_explained;
   }

@@ -19,5 +19,29 @@ TEST(Model, AnEstimateKnownWorseThanByItsDrawsIsNotLedBeyondThem) {
   EXPECT_EQ(out.error(1), 0.5);
 }
 
+TEST(Model, AnEffectIsNotWhatItsLawDoesNotReach) {
+  Model model;
+  model.effects = {"frame_intensity_noise"};
+  model.open = effect_prior(*find_effect("frame_intensity_noise"), 64);
+  ASSERT_EQ(model.open[1].name, "effects.frame_intensity_noise.correlation");
+  const double most = find_effect("frame_intensity_noise")->parameters[1].maximum;
+  model.estimate.setConstant(std::ssize(model.open), 0.5);
+  model.error.setConstant(std::ssize(model.open), 0.03);
+  const auto beyond = [&](double correlation) {
+    model.estimate(1) = correlation;
+    return beyond_its_law(model);
+  };
+  EXPECT_FALSE(beyond(0.5));
+  EXPECT_FALSE(beyond(most + 0.05));  // within the errors
+  EXPECT_TRUE(beyond(most + 0.15));
+  EXPECT_FALSE(beyond(-0.2));
+  model.error(1) = 0.3;
+  EXPECT_FALSE(beyond(most + 0.15));
+  // The strength may be whatever it is.
+  model.error.setConstant(std::ssize(model.open), 0.03);
+  model.estimate(0) = model.open[0].highest + 5;
+  EXPECT_FALSE(beyond(0.5));
+}
+
 }  // namespace
 }  // namespace atomcam

@@ -201,6 +201,7 @@ class StaticMaps : public Family {
       sheet.put("top_bottom_spread", ok(std::log((quarter_square[0][0] + quarter_square[0][1]) /
                                                  (quarter_square[1][0] + quarter_square[1][1]))));
     }
+    if (all) put_seams(map, enough, sheet);
     ImageSpectrum spectrum(rows, columns);
     std::copy(map.begin(), map.end(), spectrum.image().begin());
     spectrum.transform();
@@ -208,6 +209,32 @@ class StaticMaps : public Family {
     if (enough) spectrum.add_power(power);
     sheet.kind({"mean_map", "frequency", "whole frame"});
     put_spectrum(sheet, power, rows, columns);
+  }
+
+  /// Steps where two amplifiers' halves meet, close to the middle: a wave that reaches over half a frame and
+  /// sets the halves apart is smooth there. `map` [pixel]: no slopes, in units of its own noise.
+  void put_seams(const std::vector<float>& map, bool enough, Sheet& sheet) const {
+    const int rows = layout_.shape.rows, columns = layout_.shape.columns;
+    const auto step = [&](std::string_view name, bool across_columns, bool second) {
+      const int length = across_columns ? columns : rows, width = across_columns ? rows : columns;
+      const int reach = std::max(1, length / 16), middle = length / 2;
+      const int from = second ? width / 2 : 0, to = second ? width : width / 2;
+      double sum = 0;
+      for (int along = middle - reach; along < middle + reach; ++along)
+        for (int k = from; k < to; ++k) {
+          const int r = across_columns ? k : along, c = across_columns ? along : k;
+          const double v =
+              static_cast<double>(map[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns) +
+                                      static_cast<std::size_t>(c)]);
+          sum += along < middle ? -v : v;
+        }
+      const double root = std::sqrt(2.0 * reach * (to - from));
+      sheet.put("seam", name, enough ? std::asinh(sum / root / 4) : not_a_number);
+    };
+    step("columns_top", true, false);
+    step("columns_bottom", true, true);
+    step("rows_left", false, false);
+    step("rows_right", false, true);
   }
 
   const Layout& layout_;

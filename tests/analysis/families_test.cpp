@@ -438,6 +438,12 @@ std::vector<Case> cases() {
                     for (std::size_t s = 0; s < b.size(); ++s) b[s] *= 1 + 0.1 * noise_of(n * 5 + s % 5);
                   }),
                   {"light.sites.pairs.light_columns"}});
+  list.push_back({"quarters",
+                  true,
+                  true,
+                  in_counts([](std::size_t, int r, int c) { return (r < 32) == (c < 32) ? 1.5 : 0.0; }),
+                  {"light.static_offsets.seam.columns_top", "dark.static_offsets.seam.columns_bottom",
+                   "light.static_offsets.seam.rows_left", "dark.static_offsets.seam.rows_right"}});
   return list;
 }
 

@@ -211,25 +211,28 @@ class StaticMaps : public Family {
     put_spectrum(sheet, power, rows, columns);
   }
 
-  /// Steps where two amplifiers' halves meet, close to the middle: a wave that reaches over half a frame and
-  /// sets the halves apart is smooth there. `map` [pixel]: no slopes, in units of its own noise.
+  /// Steps where two amplifiers' halves meet: each side's straight line, led on to the seam. A wave that sets
+  /// the halves apart is smooth there. `map` [pixel]: no slopes, in units of its own noise.
   void put_seams(const std::vector<float>& map, bool enough, Sheet& sheet) const {
     const int rows = layout_.shape.rows, columns = layout_.shape.columns;
     const auto step = [&](std::string_view name, bool across_columns, bool second) {
       const int length = across_columns ? columns : rows, width = across_columns ? rows : columns;
-      const int reach = std::max(1, length / 16), middle = length / 2;
+      const int reach = std::max(2, length / 16), middle = length / 2;
       const int from = second ? width / 2 : 0, to = second ? width : width / 2;
-      double sum = 0;
-      for (int along = middle - reach; along < middle + reach; ++along)
+      double sum = 0, square = 0;
+      for (int along = middle - reach; along < middle + reach; ++along) {
+        const double away = std::abs(along + 0.5 - middle), centre = 0.5 * reach;
+        const double weight =
+            (1 - 12 * centre * (away - centre) / (reach * reach - 1)) * (along < middle ? -1 : 1) / reach;
+        square += weight * weight * (to - from);
         for (int k = from; k < to; ++k) {
           const int r = across_columns ? k : along, c = across_columns ? along : k;
-          const double v =
-              static_cast<double>(map[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns) +
-                                      static_cast<std::size_t>(c)]);
-          sum += along < middle ? -v : v;
+          sum += weight *
+                 static_cast<double>(map[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns) +
+                                         static_cast<std::size_t>(c)]);
         }
-      const double root = std::sqrt(2.0 * reach * (to - from));
-      sheet.put("seam", name, enough ? std::asinh(sum / root / 4) : not_a_number);
+      }
+      sheet.put("seam", name, enough ? std::asinh(sum / std::sqrt(square) / 4) : not_a_number);
     };
     step("columns_top", true, false);
     step("columns_bottom", true, true);

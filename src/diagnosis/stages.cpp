@@ -86,27 +86,61 @@ bool light_gathers(const std::vector<StatisticDeclaration>& battery, const Eigen
          largest(battery, z, [](const auto& one) { return has(one, ".position."); }) < clear;
 }
 
+/// Sites whose images are displaced, but no wider, all along the stack: atoms that are not where the lattice
+/// has them.
+bool sites_are_displaced(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, quiet = 8, beside = 1.5;
+  const auto centroid = [](const auto& one) {
+    return has(one, ".point_spread.x.") || has(one, ".point_spread.y.");
+  };
+  const double displaced = largest(battery, z, [&](const auto& one) {
+    return centroid(one) && std::string_view(one.name).ends_with(".spread");
+  });
+  const double wider = largest(battery, z, [&](const auto& one) {
+    return has(one, ".point_spread.") && !has(one, ".misfit.") && !centroid(one);
+  });
+  return displaced > std::max(clear, beside * wider) &&
+         largest(battery, z, [](const auto& one) { return has(one, ".position."); }) < quiet;
+}
+
+/// Images that get wider along the field: the light that a site's neighbourhood holds slopes with them.
+bool width_follows_field(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 4.5;
+  return largest(battery, z, [](const auto& one) {
+           const std::string_view name = one.name;
+           return has(one, ".point_spread.width") &&
+                  (name.ends_with(".along_x") || name.ends_with(".along_y") || name.ends_with(".radial"));
+         }) > clear;
+}
+
+/// Noise and counts that the light brings along, whatever it is that is odd about the light.
+bool follows_light(const StatisticDeclaration& one) {
+  return !one.darks && (one.observable == "variance_map" || one.observable == "pixel_histogram");
+}
+
 }  // namespace
 
 std::string stage_of_differences(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
                                  const std::vector<Hypothesis>& hypotheses) {
   std::map<std::string, double> votes = {{"scene", 0}, {"optics", 0}, {"sensor", 0}};
+  // Light and dark frames are compared only where there are both.
+  const bool both = std::any_of(battery.begin(), battery.end(), [](const auto& one) { return one.darks; });
+  const bool field = width_follows_field(battery, z);
   double darks = 0, all = 0;
   for (std::size_t k = 0; k < battery.size(); ++k) {
     const double size = std::fabs(z(static_cast<Eigen::Index>(k)));
     if (size < 3.5) continue;
-    const double weight = std::log1p(size - 3);
-    votes[stage_of_observable(battery[k].observable, battery[k].darks)] += weight;
+    const double weight = std::log1p(size - 3) * (both && follows_light(battery[k]) ? 0.5 : 1);
+    const bool of_the_field = field && has(battery[k], ".sites.by_site.");
+    votes[of_the_field ? "optics" : stage_of_observable(battery[k].observable, battery[k].darks)] += weight;
     all += weight;
     if (battery[k].darks) darks += weight;
   }
   // What shows with the shutter closed is the sensor's.
   if (darks > 0.2 * all && darks > 1) return "sensor";
-  // Light and dark frames are compared only where there are both.
-  const bool both = std::any_of(battery.begin(), battery.end(), [](const auto& one) { return one.darks; });
   if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_flashes(battery, z)))
     return "optics";
-  if (both && light_gathers(battery, z)) return "scene";
+  if ((both && light_gathers(battery, z)) || sites_are_displaced(battery, z)) return "scene";
   if (!hypotheses.empty()) {
     // The stage of the known effects that come closest, as far as these take anything away.
     double best = 0, share = 0;

@@ -76,6 +76,36 @@ TEST(Stages, ChargeThatGathersInLightOnlyIsAtoms) {
   EXPECT_NE(stage(90, 40, 1, 50), "scene");  // an image that moves
 }
 
+TEST(Stages, ImagesThatAreDisplacedButNoWiderAreOfAtomsElsewhere) {
+  const std::vector<StatisticDeclaration> images = {
+      {"light.point_spread.x.spread", "point_spread_field", "shape", "all sites", false},
+      {"light.point_spread.width_x.spread", "point_spread_field", "shape", "all sites", false},
+      {"light.position.x.variance", "centroid_series", "time", "all sites", false}};
+  const auto stage = [&](double displaced, double wider, double moving) {
+    return stage_of_differences(images, Eigen::Vector3d(displaced, wider, moving), {});
+  };
+  EXPECT_EQ(stage(10, 4.5, 2), "scene");
+  EXPECT_EQ(stage(10, 9, 2), "optics");
+  EXPECT_EQ(stage(10, 4.5, 20), "optics");  // an image that moves
+}
+
+TEST(Stages, BrightnessThatSlopesWithTheWidthOfImagesIsOfTheOptics) {
+  const std::vector<StatisticDeclaration> field = {
+      {"light.sites.by_site.gradient_y", "site_brightness", "site", "occupied sites", false},
+      {"light.point_spread.width_y.along_y", "point_spread_field", "shape", "all sites", false}};
+  EXPECT_EQ(stage_of_differences(field, Eigen::Vector2d(7, -5), {}), "optics");
+  EXPECT_EQ(stage_of_differences(field, Eigen::Vector2d(7, -4), {}), "scene");
+}
+
+TEST(Stages, NoiseThatLightBringsAlongCountsLessThanTheLight) {
+  const std::vector<StatisticDeclaration> noise = {
+      {"light.temporal_maps.variance", "variance_map", "space", "whole frame", false},
+      {"light.far_light.halo.near", "point_spread_halo", "shape", "around sites", false},
+      {"dark.temporal_maps.variance", "variance_map", "space", "whole frame", true}};
+  EXPECT_EQ(stage_of_differences(noise, Eigen::Vector3d(7, 6, 1), {}), "optics");
+  EXPECT_EQ(stage_of_differences(noise, Eigen::Vector3d(7, 6, 6), {}), "sensor");
+}
+
 TEST(Stages, AnEffectSpeaksForItsStageAsFarAsItExplains) {
   Hypothesis one;
   one.effects = {"site_brightness_spread"};

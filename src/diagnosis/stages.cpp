@@ -103,6 +103,20 @@ bool sites_are_displaced(const std::vector<StatisticDeclaration>& battery, const
          largest(battery, z, [](const auto& one) { return has(one, ".position."); }) < quiet;
 }
 
+/// What an image is around a site, far more than anything else: the shape itself, not where it is nor the
+/// charge that trails behind it.
+bool images_change_shape(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 15, beside = 1.5;
+  const auto shape = [](const auto& one) {
+    return has(one, ".point_spread.") && stage_of_observable(one.observable, one.darks) == "optics" &&
+           !has(one, ".point_spread.x.") && !has(one, ".point_spread.y.");
+  };
+  const double others = largest(battery, z, [&](const auto& one) {
+    return !shape(one) && stage_of_observable(one.observable, one.darks) != "optics";
+  });
+  return largest(battery, z, shape) > std::max(clear, beside * others);
+}
+
 /// Images that get wider along the field: the light that a site's neighbourhood holds slopes with them.
 bool width_follows_field(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 4.5;
@@ -140,6 +154,7 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   if (darks > 0.2 * all && darks > 1) return "sensor";
   if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_flashes(battery, z)))
     return "optics";
+  if (images_change_shape(battery, z)) return "optics";
   if ((both && light_gathers(battery, z)) || sites_are_displaced(battery, z)) return "scene";
   if (!hypotheses.empty()) {
     // The stage of the known effects that come closest, as far as these take anything away.

@@ -89,6 +89,21 @@ TEST(Stages, ImagesThatAreDisplacedButNoWiderAreOfAtomsElsewhere) {
   EXPECT_EQ(stage(10, 4.5, 20), "optics");  // an image that moves
 }
 
+TEST(Stages, ImagesOfAnotherShapeAreOfTheOptics) {
+  const std::vector<StatisticDeclaration> images = {
+      {"light.point_spread.ring.4", "point_spread_halo", "shape", "around sites", false},
+      {"light.image_noise.empty.core", "mean_variance_curve", "intensity", "empty sites", false},
+      {"light.image_noise.empty.wing", "mean_variance_curve", "intensity", "empty sites", false},
+      {"light.point_spread.right_against_left.2", "trailing_charge", "shape", "around sites", false}};
+  const auto stage = [&](double shape, double noise, double trail) {
+    return stage_of_differences(images, Eigen::Vector4d(shape, noise, noise, trail), {});
+  };
+  EXPECT_EQ(stage(60, 35, 1), "optics");
+  EXPECT_EQ(stage(60, 45, 1), "sensor");
+  EXPECT_EQ(stage(60, 35, 50), "sensor");  // charge that trails
+  EXPECT_EQ(stage(12, 7, 1), "sensor");    // crosstalk also does so much
+}
+
 TEST(Stages, BrightnessThatSlopesWithTheWidthOfImagesIsOfTheOptics) {
   const std::vector<StatisticDeclaration> field = {
       {"light.sites.by_site.gradient_y", "site_brightness", "site", "occupied sites", false},

@@ -111,6 +111,17 @@ class Race {
   double plain_ = 0;  // distance of the plain model
 };
 
+/// Whether judging has led the calibration's parameters far from where the model has them: what comes out
+/// differently every time calibrates differently every time, and this stack not as others do.
+bool calibrates_elsewhere(const Model& model) {
+  constexpr double far = 3;  // widths
+  for (Eigen::Index k = 0; k < model.first_effect_parameter; ++k) {
+    const Uncertain& one = model.open[static_cast<std::size_t>(k)];
+    if (std::fabs(model.estimate(k) - one.centre) > far * std::max(one.width, model.error(k))) return true;
+  }
+  return false;
+}
+
 /// The model about where judging it has led.
 Model about_estimate(const Model& model) {
   constexpr double farthest = 4;  // widths
@@ -128,6 +139,10 @@ Model about_estimate(const Model& model) {
         std::clamp(model.estimate(k) - one.centre, -farthest * one.width, farthest * one.width);
     one.centre = std::clamp(one.centre + way, one.lowest, one.highest);
   }
+  if (calibrates_elsewhere(model))
+    for (Eigen::Index k = 0; k < model.first_effect_parameter; ++k)
+      if (Uncertain& one = moved.open[static_cast<std::size_t>(k)]; !one.shared)
+        one.move_to(model.estimate(k));
   return moved;
 }
 
@@ -153,8 +168,8 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
   for (std::size_t k = 0; k < contenders.size(); ++k) {
     auto& [name, model, evidence] = contenders[k];
     double from = 0.7 + 0.1 * static_cast<double>(k), part = 0.05;
-    const auto judged = [&](Model one, const std::string& number) {
-      recalibrate(one, ground.real, plan, numbers_of("calibration" + number));
+    const auto judged = [&](Model one, const std::string& number, bool calibrated = false) {
+      if (!calibrated) recalibrate(one, ground.real, plan, numbers_of("calibration" + number));
       // A point-spread function per site leaves no time for many optical systems.
       if (std::find(one.effects.begin(), one.effects.end(), "field_tilt_defocus") != one.effects.end())
         for (Uncertain& open : one.open)
@@ -175,7 +190,8 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
       return look.closed > least_to_pass || differs_as_own_stacks(look.model, *ground.plain, battery);
     };
     while (looks.size() <= more_looks && near(looks.back()) && looks.back().model.p_value < comfortable) {
-      Judged next = judged(about_estimate(looks.back().model), fmt::format(" {}/{}", looks.size(), name));
+      Judged next = judged(about_estimate(looks.back().model), fmt::format(" {}/{}", looks.size(), name),
+                           calibrates_elsewhere(looks.back().model));
       if (next.model.log_likelihood < looks.back().model.log_likelihood &&
           next.model.p_value < looks.back().model.p_value)
         break;

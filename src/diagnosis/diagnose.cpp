@@ -23,7 +23,9 @@ namespace {
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 constexpr double pair_odds = 5;         // logarithm, over the likeliest of one effect, for two
 
-constexpr double least_closed = 0.75;  // at best, of the gap on held-out frames, for an effect to be named
+constexpr double odd = 0.05;  // p-value of frames that a model, even if it passes, fits none too well
+
+constexpr double least_closed = 0.75;       // of the gap on held-out frames, for an effect to be named
 constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
 constexpr double clear_difference = 5.5;    // deviations from a model that nobody's camera explains
 constexpr double as_it_was = 0.8;           // what is left of one from the plain model, in its parts
@@ -458,7 +460,7 @@ class Diagnoser {
     if (passed.empty()) return false;
     // What the frames are odd under gives way to what explains them and closes as much: likelihoods take a
     // law that scatters little for a better one, as statistics that go together count nearly as if apart.
-    constexpr double odd = 0.05, odder = 20;
+    constexpr double odder = 20;
     const std::vector<Model*> all = passed;
     std::erase_if(passed, [&](const Model* near) {
       return near->p_value < odd && std::any_of(all.begin(), all.end(), [&](const Model* model) {
@@ -605,11 +607,16 @@ class Diagnoser {
     how_far();
   }
 
+  /// At the best of what held-out frames may mean; and as they are, where all frames are a little odd as
+  /// well.
+  bool closes_too_little() const {
+    if (!final_.explains.empty()) return result_.gap.part_closed_high < least_part_closed;
+    return (result_.p_after < odd ? result_.gap.closed : result_.gap.closed_high) < least_closed;
+  }
+
   void conclude() {
     how_far();
-    if (have_final_ && (final_.explains.empty() ? result_.gap.closed_high < least_closed
-                                                : result_.gap.part_closed_high < least_part_closed))
-      withdraw();
+    if (have_final_ && closes_too_little()) withdraw();
     tell_apart();
     if (!options_.where_only) ask_others();
     result_.where = ranked_differences(declarations_, plain_.z, have_final_ ? final_.z : plain_.z);

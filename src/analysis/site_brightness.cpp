@@ -325,10 +325,12 @@ class SiteBrightness : public Family {
           afterglow += above_empty * was_bright, afterglow_pairs += is_empty & was_bright;
         }
       }
-    sheet.kind({"lag_correlation", "time", "all sites"});
+    // Atoms that stay; what a sensor keeps of them is far less than an atom.
+    sheet.kind({"site_correlation", "time", "all sites"});
     for (int k = 0; k < 2; ++k)
       sheet.put("memory.occupancy", k ? "2" : "1",
                 ok(again[k] / std::sqrt(again_pairs[k] + 1) / (p * (1 - p) + 1e-3)));
+    sheet.kind({"lag_correlation", "time", "all sites"});
     sheet.put("memory.brightness", ok(light_again / std::sqrt(light_pairs + 1) / noise));
     sheet.put("memory.afterglow", ok(afterglow / std::sqrt((afterglow_pairs + 1) * empty_variance)));
   }

@@ -75,6 +75,22 @@ bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen
          largest(battery, z, [&](const auto& one) { return one.darks && has(one, ".frames."); }) < quiet;
 }
 
+/// Pixels away from the sites that go together over some distance in frames with the shutter open, and not
+/// with it closed: a pattern of light that moves. Charge that leaks goes to the next pixels.
+bool light_ripples(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, quiet = 4;
+  const auto far = [&](std::string_view way) {
+    return largest(battery, z, [&](const auto& one) {
+      return !one.darks && has(one, ".neighbours.dark.") && std::string_view(one.name).ends_with(way);
+    });
+  };
+  const auto in_darks = [](const auto& one) {
+    return one.darks && (has(one, ".neighbours.") || has(one, ".readout_spectrum.") || has(one, ".lines."));
+  };
+  return std::min(far("right_3"), far("down_3")) > std::max(clear, 0.5 * z.cwiseAbs().maxCoeff()) &&
+         largest(battery, z, in_darks) < quiet;
+}
+
 /// Charge gathers where no site is, now here and now there, with the shutter open only: atoms that are not in
 /// the traps. Radiation does not mind the shutter; beside an image that moves the sites' own light gathers.
 bool light_gathers(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
@@ -86,8 +102,7 @@ bool light_gathers(const std::vector<StatisticDeclaration>& battery, const Eigen
          largest(battery, z, [](const auto& one) { return has(one, ".position."); }) < clear;
 }
 
-/// Sites whose images are displaced, but no wider, all along the stack: atoms that are not where the lattice
-/// has them.
+/// Sites whose images are displaced, but no wider, all along the stack.
 bool sites_are_displaced(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, quiet = 8, beside = 1.5;
   const auto centroid = [](const auto& one) {
@@ -101,6 +116,15 @@ bool sites_are_displaced(const std::vector<StatisticDeclaration>& battery, const
   });
   return displaced > std::max(clear, beside * wider) &&
          largest(battery, z, [](const auto& one) { return has(one, ".position."); }) < quiet;
+}
+
+/// Displaced smoothly along the field: not atoms that are not where the lattice has them, but a lens that
+/// distorts.
+bool field_is_displaced(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 4;
+  return largest(battery, z, [](const auto& one) {
+           return one.name == "light.point_spread.x.smooth" || one.name == "light.point_spread.y.smooth";
+         }) > clear;
 }
 
 /// What an image is around a site, far more than anything else: the shape itself, not where it is nor the
@@ -152,10 +176,12 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   }
   // What shows with the shutter closed is the sensor's.
   if (darks > 0.2 * all && darks > 1) return "sensor";
-  if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_flashes(battery, z)))
+  if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_flashes(battery, z) ||
+               light_ripples(battery, z)))
     return "optics";
   if (images_change_shape(battery, z)) return "optics";
-  if ((both && light_gathers(battery, z)) || sites_are_displaced(battery, z)) return "scene";
+  if (both && light_gathers(battery, z)) return "scene";
+  if (sites_are_displaced(battery, z)) return field_is_displaced(battery, z) ? "optics" : "scene";
   if (!hypotheses.empty()) {
     // The stage of the known effects that come closest, as far as these take anything away.
     double best = 0, share = 0;

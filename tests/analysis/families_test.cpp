@@ -443,6 +443,17 @@ std::vector<Case> cases() {
                   true,
                   in_counts([](std::size_t, int r, int c) { return (r < 32) == (c < 32) ? 1.0 : 0.0; }),
                   {"dark.static_offsets.seam.columns_top", "dark.static_offsets.seam.rows_right"}});
+  list.push_back({"distortion",
+                  true,
+                  false,
+                  in_light([moved](std::size_t, const std::vector<double>& lit, const StackModel& of,
+                                   std::vector<double>& e) {
+                    moved(
+                        lit, of, e,
+                        [](std::size_t s) { return 0.06 * std::pow(static_cast<double>(s % 5) - 2, 2); }, 0,
+                        1);
+                  }),
+                  {"light.point_spread.x.smooth", "light.point_spread.x.spread"}});
   return list;
 }
 

@@ -61,6 +61,21 @@ TEST(Stages, FramesWithMoreLightThanOthersAreTheLights) {
   EXPECT_EQ(stage(9, 9, 80, 1), "sensor");     // the least part of it
 }
 
+TEST(Stages, PatternsThatMoveInLightOnlyAreOfTheLight) {
+  const std::vector<StatisticDeclaration> waves = {
+      {"light.neighbours.dark.right_1", "horizontal_correlation", "space", "dark pixels", false},
+      {"light.neighbours.dark.right_3", "horizontal_correlation", "space", "dark pixels", false},
+      {"light.neighbours.dark.down_3", "vertical_correlation", "space", "dark pixels", false},
+      {"dark.neighbours.dark.right_3", "horizontal_correlation", "space", "dark pixels", true}};
+  const auto stage = [&](double near, double right, double down, double darks) {
+    return stage_of_differences(waves, Eigen::Vector4d(near, right, down, darks), {});
+  };
+  EXPECT_EQ(stage(100, 90, 95, 1), "optics");
+  EXPECT_EQ(stage(100, 90, 95, 90), "sensor");  // also with the shutter closed
+  EXPECT_EQ(stage(100, 10, 10, 1), "sensor");   // charge that leaks
+  EXPECT_EQ(stage(100, 90, 10, 1), "sensor");   // and trails
+}
+
 TEST(Stages, ChargeThatGathersInLightOnlyIsAtoms) {
   const std::vector<StatisticDeclaration> charge = {
       {"light.clusters.charge", "bright_clusters", "space", "whole frame", false},
@@ -80,13 +95,15 @@ TEST(Stages, ImagesThatAreDisplacedButNoWiderAreOfAtomsElsewhere) {
   const std::vector<StatisticDeclaration> images = {
       {"light.point_spread.x.spread", "point_spread_field", "shape", "all sites", false},
       {"light.point_spread.width_x.spread", "point_spread_field", "shape", "all sites", false},
-      {"light.position.x.variance", "centroid_series", "time", "all sites", false}};
-  const auto stage = [&](double displaced, double wider, double moving) {
-    return stage_of_differences(images, Eigen::Vector3d(displaced, wider, moving), {});
+      {"light.position.x.variance", "centroid_series", "time", "all sites", false},
+      {"light.point_spread.y.smooth", "point_spread_field", "shape", "all sites", false}};
+  const auto stage = [&](double displaced, double wider, double moving, double together = 0) {
+    return stage_of_differences(images, Eigen::Vector4d(displaced, wider, moving, together), {});
   };
   EXPECT_EQ(stage(10, 4.5, 2), "scene");
   EXPECT_EQ(stage(10, 9, 2), "optics");
-  EXPECT_EQ(stage(10, 4.5, 20), "optics");  // an image that moves
+  EXPECT_EQ(stage(10, 4.5, 20), "optics");    // an image that moves
+  EXPECT_EQ(stage(10, 4.5, 2, 5), "optics");  // a lens that distorts
 }
 
 TEST(Stages, ImagesOfAnotherShapeAreOfTheOptics) {

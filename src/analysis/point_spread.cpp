@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "analysis/distortion.hpp"
 #include "analysis/lanes.hpp"
 #include "analysis/series.hpp"
 
@@ -63,49 +64,6 @@ struct Sums {
     return *this;
   }
 };
-
-/// How much of the displacements `d` of sites at (x, y), of weights `w`, is smooth along the field, as a lens
-/// distorts: logarithm of the mean square of the polynomials of second and third order over that of what
-/// these leave (place, scale and angles of the lattice, the orders before them, apart). Not a number where
-/// the sites are hardly more than the polynomials.
-double log_smoothness(const std::vector<double>& x, const std::vector<double>& y,
-                      const std::vector<double>& w, const std::vector<double>& d) {
-  constexpr int order = 3, terms = (order + 1) * (order + 2) / 2;
-  const std::size_t sites = d.size();
-  if (sites < 2 * terms) return not_a_number;
-  std::vector<double> rest(sites);
-  for (std::size_t s = 0; s < sites; ++s) rest[s] = d[s] * std::sqrt(w[s]);
-  double smooth = 0, used = 0;
-  std::vector<std::vector<double>> basis;
-  for (int degree = 0; degree <= order; ++degree)
-    for (int k = 0; k <= degree; ++k) {
-      std::vector<double> term(sites);
-      for (std::size_t s = 0; s < sites; ++s)
-        term[s] = std::pow(x[s], degree - k) * std::pow(y[s], k) * std::sqrt(w[s]);
-      const auto product = [&](const std::vector<double>& a, const std::vector<double>& b) {
-        double sum = 0;
-        for (std::size_t s = 0; s < sites; ++s) sum += a[s] * b[s];
-        return sum;
-      };
-      const auto without = [&](std::vector<double>& from, const std::vector<double>& part) {
-        const double share = product(from, part);
-        for (std::size_t s = 0; s < sites; ++s) from[s] -= share * part[s];
-        return share * share;
-      };
-      const double size = product(term, term);
-      for (const std::vector<double>& before : basis) without(term, before);
-      const double own = product(term, term);
-      if (own < 1e-9 * size) continue;  // a grid of three columns knows of no third order
-      for (double& value : term) value /= std::sqrt(own);
-      const double square = without(rest, term);
-      if (degree > 1) smooth += square, ++used;
-      basis.push_back(std::move(term));
-    }
-  double left = 0;
-  for (const double value : rest) left += value * value;
-  const double freedom = static_cast<double>(sites) - static_cast<double>(basis.size());
-  return used > 0 ? std::log((smooth / used + 1e-12) / (left / freedom + 1e-12)) : not_a_number;
-}
 
 class PointSpread : public Family {
  public:
@@ -284,7 +242,7 @@ class PointSpread : public Family {
       if (k > dy) continue;
       std::vector<double> shifts;
       for (std::size_t s = 0; s < sites; ++s) shifts.push_back(shape[s][k]);
-      sheet.put(template_names[k], "smooth", ok(log_smoothness(field_x_, field_y_, sums.change2, shifts)));
+      sheet.put(template_names[k], "smooth", ok(log_distortion(field_x_, field_y_, sums.change2, shifts)));
     }
     sheet.kind({"point_spread_halo", "shape", "around sites"});
     constexpr std::string_view ring_names[] = {"0", "1", "2", "3", "4", "5", "6", "7"};

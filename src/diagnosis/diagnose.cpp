@@ -24,6 +24,7 @@ constexpr double second_evidence = 12;  // logarithm, for another effect on top 
 constexpr double pair_odds = 5;         // logarithm, over the likeliest of one effect, for two
 
 constexpr double odd = 0.05;  // p-value of frames that a model, even if it passes, fits none too well
+constexpr double least_closed_if_odd = 0.8;  // of the gap, by all frames and by held-out ones, to be named
 
 constexpr double least_closed = 0.75;       // of the gap on held-out frames, for an effect to be named
 constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
@@ -438,7 +439,8 @@ class Diagnoser {
     if (contradicted(model) || beyond_its_law(model)) return false;
     const double closed = closed_by(model);
     // Stacks that scatter widely are never odd: an explanation also has to take the gap away.
-    if (model.p_value >= reject_level) return closed > least_to_pass;
+    if (model.p_value >= reject_level)
+      return closed > (model.p_value < odd ? least_closed_if_odd : least_to_pass);
     if (model.distance >= like_own) return false;
     return closed > 0.95 || (closed > 0.8 && model.p_value > 1e-7);
   }
@@ -607,11 +609,11 @@ class Diagnoser {
     how_far();
   }
 
-  /// At the best of what held-out frames may mean; and as they are, where all frames are a little odd as
-  /// well.
+  /// At the best of what held-out frames may mean; as they are, where all frames are a little odd as well.
   bool closes_too_little() const {
-    if (!final_.explains.empty()) return result_.gap.part_closed_high < least_part_closed;
-    return (result_.p_after < odd ? result_.gap.closed : result_.gap.closed_high) < least_closed;
+    const GapClosed& gap = result_.gap;
+    if (!final_.explains.empty()) return gap.part_closed_high < least_part_closed;
+    return result_.p_after < odd ? gap.closed < least_closed_if_odd : gap.closed_high < least_closed;
   }
 
   void conclude() {

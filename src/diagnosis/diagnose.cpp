@@ -24,7 +24,7 @@ constexpr double second_evidence = 12;  // logarithm, for another effect on top 
 constexpr double pair_odds = 5;         // logarithm, over the likeliest of one effect, for two
 
 constexpr double odd = 0.05;  // p-value of frames that a model, even if it passes, fits none too well
-constexpr double least_closed_if_odd = 0.8;  // of the gap, by all frames and by held-out ones, to be named
+constexpr double least_closed_if_odd = 0.8;  // then, of the gap on held-out frames, for an effect to be named
 
 constexpr double least_closed = 0.75;       // of the gap on held-out frames, for an effect to be named
 constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
@@ -439,8 +439,7 @@ class Diagnoser {
     if (contradicted(model) || beyond_its_law(model)) return false;
     const double closed = closed_by(model);
     // Stacks that scatter widely are never odd: an explanation also has to take the gap away.
-    if (model.p_value >= reject_level)
-      return closed > (model.p_value < odd ? least_closed_if_odd : least_to_pass);
+    if (model.p_value >= reject_level) return closed > (model.p_value < odd ? least_closed : least_to_pass);
     if (model.distance >= like_own) return false;
     return closed > 0.95 || (closed > 0.8 && model.p_value > 1e-7);
   }

@@ -122,8 +122,8 @@ bool calibrates_elsewhere(const Model& model) {
   return false;
 }
 
-/// The model about where judging it has led.
-Model about_estimate(const Model& model) {
+/// The model about where judging it has led, its effects alone or its calibration as well.
+Model about_estimate(const Model& model, bool calibration) {
   constexpr double farthest = 4;  // widths
   Model moved;
   moved.effects = model.effects;
@@ -139,7 +139,7 @@ Model about_estimate(const Model& model) {
         std::clamp(model.estimate(k) - one.centre, -farthest * one.width, farthest * one.width);
     one.centre = std::clamp(one.centre + way, one.lowest, one.highest);
   }
-  if (calibrates_elsewhere(model))
+  if (calibration)
     for (Eigen::Index k = 0; k < model.first_effect_parameter; ++k)
       if (Uncertain& one = moved.open[static_cast<std::size_t>(k)]; !one.shared)
         one.move_to(model.estimate(k));
@@ -168,7 +168,7 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
   for (std::size_t k = 0; k < contenders.size(); ++k) {
     auto& [name, model, evidence] = contenders[k];
     double from = 0.7 + 0.1 * static_cast<double>(k), part = 0.05;
-    const auto judged = [&](Model one, const std::string& number, bool calibrated = false) {
+    const auto judged = [&](Model one, const std::string& number, bool calibrated) {
       if (!calibrated) recalibrate(one, ground.real, plan, numbers_of("calibration" + number));
       // A point-spread function per site leaves no time for many optical systems.
       if (std::find(one.effects.begin(), one.effects.end(), "field_tilt_defocus") != one.effects.end())
@@ -184,14 +184,15 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
       return Judged{std::move(one), by_it};
     };
     std::vector<Judged> looks;
-    looks.push_back(judged(std::move(model), "/" + name));
+    looks.push_back(judged(std::move(model), "/" + name, false));
     // Near, and not quite there: as many stacks show the way better than the few of a fit's round.
     const auto near = [&](const Judged& look) {
       return look.closed > least_to_pass || differs_as_own_stacks(look.model, *ground.plain, battery);
     };
     while (looks.size() <= more_looks && near(looks.back()) && looks.back().model.p_value < comfortable) {
-      Judged next = judged(about_estimate(looks.back().model), fmt::format(" {}/{}", looks.size(), name),
-                           calibrates_elsewhere(looks.back().model));
+      const bool calibrated = calibrates_elsewhere(looks.back().model);
+      Judged next = judged(about_estimate(looks.back().model, calibrated),
+                           fmt::format(" {}/{}", looks.size(), name), calibrated);
       if (next.model.log_likelihood < looks.back().model.log_likelihood &&
           next.model.p_value < looks.back().model.p_value)
         break;

@@ -24,7 +24,7 @@ constexpr double second_evidence = 12;  // logarithm, for another effect on top 
 constexpr double pair_odds = 5;         // logarithm, over the likeliest of one effect, for two
 
 constexpr double odd = 0.05;  // p-value of frames that a model, even if it passes, fits none too well
-constexpr double least_closed_if_odd = 0.8;  // then, of the gap on held-out frames, for an effect to be named
+constexpr double least_closed_if_odd = 0.9;  // then, of the gap on held-out frames, for an effect to be named
 
 constexpr double least_closed = 0.75;       // of the gap on held-out frames, for an effect to be named
 constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
@@ -444,6 +444,13 @@ class Diagnoser {
     return closed > 0.95 || (closed > 0.8 && model.p_value > 1e-7);
   }
 
+  /// The frames are not odd under it, but its own stacks scatter so widely that little of the gap shows in
+  /// their units. It does not stand alone; a name that passes must be likelier.
+  bool competes(const Model& model) const {
+    return model.p_value >= odd && !contradicted(model) && !beyond_its_law(model) &&
+           closed_in_own_units(model, plain_, declarations_) > least_to_pass;
+  }
+
   /// A clear difference is left as it was, or made: whatever the effect takes away, it is not what made that.
   bool contradicted(const Model& model) const {
     const Standard &plain = *plain_.standard, &own = *model.standard;
@@ -459,6 +466,8 @@ class Diagnoser {
     for (Model& model : models)
       if (passes(model)) passed.push_back(&model);
     if (passed.empty()) return false;
+    for (Model& model : models)
+      if (!passes(model) && competes(model)) passed.push_back(&model);
     // What the frames are odd under gives way to what explains them and closes as much: likelihoods take a
     // law that scatters little for a better one, as statistics that go together count nearly as if apart.
     constexpr double odder = 20;

@@ -65,6 +65,12 @@ double closed_by_nearest(const Model& model, const Model& plain, const Eigen::Ve
   return gap > floor ? 1 - std::max(0.0, left - 2 * floor) / (gap - floor) : 0;  // both of them scatter
 }
 
+/// What is closed, by no more than the model's own stacks can look like.
+double as_own_stacks_may(double closed, const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
+  return differs_as_own_stacks(model, plain, mask) ? closed
+                                                   : std::min(closed, closed_by_nearest(model, plain, mask));
+}
+
 /// Closed over all frames, and whether each model counts in its own units.
 struct ClosedByAll {
   double closed = 0;
@@ -202,9 +208,13 @@ Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
 
 double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery) {
   const Eigen::VectorXd mask = only_of(model.explains, battery);
-  const double closed = closed_by_all(model, plain, mask).closed;
-  return differs_as_own_stacks(model, plain, mask) ? closed
-                                                   : std::min(closed, closed_by_nearest(model, plain, mask));
+  return as_own_stacks_may(closed_by_all(model, plain, mask).closed, model, plain, mask);
+}
+
+double closed_in_own_units(const Model& model, const Model& plain,
+                           const std::vector<StatisticDeclaration>& battery) {
+  const Eigen::VectorXd mask = only_of(model.explains, battery);
+  return as_own_stacks_may(closed_in(mask, mask, model, plain), model, plain, mask);
 }
 
 bool differs_as_own_stacks(const Model& model, const Model& plain,

@@ -23,6 +23,10 @@ inline constexpr double least_to_pass = 0.6;  // closed, for a model that the fr
 /// the model's own stacks can look like: scatter that goes elsewhere explains nothing.
 double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery);
 
+/// The same, each model counting in its own units whatever the evidence.
+double closed_in_own_units(const Model& model, const Model& plain,
+                           const std::vector<StatisticDeclaration>& battery);
+
 /// Whether the frames differ from the judged model only in directions in which its own stacks scatter
 /// together: what is left without these is as little as the plain model leaves of its own.
 bool differs_as_own_stacks(const Model& model, const Model& plain,

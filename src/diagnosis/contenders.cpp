@@ -151,6 +151,26 @@ struct Judged {
   double closed = 0;
 };
 
+/// The likeliest that passes; of those as good as that, the one that the frames are least odd under: what
+/// looks were gone on for. Which stacks each was judged by is chance: it remembers the oddest.
+Judged& best_of(std::vector<Judged>& looks) {
+  constexpr double as_good = 5;  // of the logarithmic likelihood, which is learned from some tens of stacks
+  const auto rank = [](const Judged& one) {
+    return std::pair(one.model.p_value >= reject_level, one.model.log_likelihood);
+  };
+  Judged* best = &*std::max_element(looks.begin(), looks.end(),
+                                    [&](const Judged& a, const Judged& b) { return rank(a) < rank(b); });
+  const double least = best->model.log_likelihood - as_good;
+  double oddest = best->model.p_value;
+  for (Judged& one : looks) {
+    if (one.model.log_likelihood < least) continue;
+    oddest = std::min(oddest, one.model.p_value);
+    if (one.model.p_value > best->model.p_value) best = &one;
+  }
+  best->model.oddest = oddest;
+  return *best;
+}
+
 }  // namespace
 
 std::string title(const Model& model) {
@@ -198,11 +218,7 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
         break;
       looks.push_back(std::move(next));
     }
-    const auto rank = [](const Judged& one) {
-      return std::pair(one.model.p_value >= reject_level, one.model.log_likelihood);
-    };
-    Judged& best = *std::max_element(looks.begin(), looks.end(),
-                                     [&](const Judged& a, const Judged& b) { return rank(a) < rank(b); });
+    Judged& best = best_of(looks);
     closed.push_back(best.closed);
     model = std::move(best.model);
     if (closed.back() > least_to_pass) likeliest = std::max(likeliest, model.log_likelihood);

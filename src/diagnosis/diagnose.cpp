@@ -433,13 +433,15 @@ class Diagnoser {
     return one;
   }
 
+  static bool odd_under(const Model& model) { return std::min(model.p_value, model.oddest) < odd; }
+
   /// Nothing is left that the model does not have, or as little of a large gap as somebody's camera and the
   /// catalogue's model of its effect may well differ.
   bool passes(const Model& model) const {
     if (contradicted(model) || beyond_its_law(model)) return false;
     const double closed = closed_by(model);
     // Stacks that scatter widely are never odd: an explanation also has to take the gap away.
-    if (model.p_value >= reject_level) return closed > (model.p_value < odd ? least_closed : least_to_pass);
+    if (model.p_value >= reject_level) return closed > (odd_under(model) ? least_closed : least_to_pass);
     if (model.distance >= like_own) return false;
     return closed > 0.95 || (closed > 0.8 && model.p_value > 1e-7);
   }
@@ -621,7 +623,7 @@ class Diagnoser {
   bool closes_too_little() const {
     const GapClosed& gap = result_.gap;
     if (!final_.explains.empty()) return gap.part_closed_high < least_part_closed;
-    return result_.p_after < odd ? gap.closed < least_closed_if_odd : gap.closed_high < least_closed;
+    return odd_under(final_) ? gap.closed < least_closed_if_odd : gap.closed_high < least_closed;
   }
 
   void conclude() {

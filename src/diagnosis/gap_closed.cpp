@@ -71,24 +71,28 @@ double as_own_stacks_may(double closed, const Model& model, const Model& plain, 
                                                    : std::min(closed, closed_by_nearest(model, plain, mask));
 }
 
-/// Closed over all frames, and whether each model counts in its own units.
+/// Closed over all frames, whether each model counts in its own units, and whether the gap stands out in
+/// units of the larger deviation, too.
 struct ClosedByAll {
   double closed = 0;
-  bool in_own_units = false;
+  bool in_own_units = false, stands_out = false;
 };
 ClosedByAll closed_by_all(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
   constexpr double least_evidence = 24;   // logarithm, beyond the plain model's
   constexpr double least_share = 0.15;    // of what the frames are less likely than the plain model's own
   constexpr double least_likely = 0.001;  // p-value: no effect of the catalogue is right to all digits
+  constexpr double stands_out = 3;        // times the plain model's own
+  const Eigen::VectorXd units = in_larger_units(*plain.standard, *model.standard).cwiseProduct(mask);
   const double closed =
-      closed_in(in_larger_units(*plain.standard, *model.standard).cwiseProduct(mask),
-                in_larger_units(*model.standard, *plain.standard).cwiseProduct(mask), model, plain);
+      closed_in(units, in_larger_units(*model.standard, *plain.standard).cwiseProduct(mask), model, plain);
+  const bool seen =
+      gap_of(plain.z.cwiseProduct(units)) > stands_out * Floor(plain.standard->own(), units).at(0.5);
   const double evidence = model.log_likelihood - plain.log_likelihood;
   const double missing = plain.usual_log_likelihood - plain.log_likelihood;
   if (closed > least_to_pass || model.p_value < least_likely ||
       evidence < std::max(least_evidence, least_share * missing))
-    return {closed, false};
-  return {closed_in(mask, mask, model, plain), true};
+    return {closed, false, seen};
+  return {closed_in(mask, mask, model, plain), true, seen};
 }
 
 /// Held-out frames, judged by the plain model and by that with the effects.
@@ -208,7 +212,9 @@ Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
 
 double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery) {
   const Eigen::VectorXd mask = only_of(model.explains, battery);
-  return as_own_stacks_may(closed_by_all(model, plain, mask).closed, model, plain, mask);
+  const ClosedByAll all = closed_by_all(model, plain, mask);
+  if (all.stands_out && !all.in_own_units) return all.closed;  // no scatter hides it
+  return as_own_stacks_may(all.closed, model, plain, mask);
 }
 
 double closed_in_own_units(const Model& model, const Model& plain,

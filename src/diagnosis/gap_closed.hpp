@@ -20,7 +20,8 @@ inline constexpr double least_to_pass = 0.6;  // closed, for a model that the fr
 /// effects come out differently every time (a few cosmic rays, a walk of the bias), and hide most of a gap
 /// that way. If the frames are hardly odd under such a model and much likelier than under the plain one,
 /// though its scatter counts against it, each counts in its own units. No more is closed than by what
-/// the model's own stacks can look like: scatter that goes elsewhere explains nothing.
+/// the model's own stacks can look like: scatter that goes elsewhere explains nothing; but a gap that stands
+/// out by far in the larger units as well is not hidden by scatter, and counts as closed there.
 double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery);
 
 /// The same, each model counting in its own units whatever the evidence.

@@ -27,6 +27,7 @@ struct Model {
   Eigen::VectorXd estimate, error;  // open parameters for the real stack, coordinates
   Eigen::VectorXd z;                // the real stack's residuals
   double p_value = 1;               // of the real stack, the model's discrepancy granted
+  double oddest = 1;                // smallest p-value of the places tried that are as likely as this one
   double gap = 0;                   // of the real stack
   double floor = 1;                 // median gap of its own stacks
   double distance = 1e300;          // of the real stack from the best place that fits found

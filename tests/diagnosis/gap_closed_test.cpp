@@ -35,10 +35,12 @@ class MadeUp {
     wide.z = wide.standard->judge(real);
     return closed_by(wide, plain, std::vector<StatisticDeclaration>(statistics));
   }
-  /// Of frames whose statistics are moved in pairs, either as those of the wide model or each pair apart.
-  double closed_by_walks(bool together) {
+  /// Of frames whose statistics are moved in pairs, either as those of the wide model or each pair apart;
+  /// `all_by`: the model's, and the frames' with it.
+  double closed_by_walks(bool together, double all_by = 0) {
     const auto moved_in_pairs = [&](Eigen::Index count, double second) {
-      Eigen::MatrixXd all = Eigen::MatrixXd::NullaryExpr(count, statistics, [&] { return normal_(random_); });
+      Eigen::MatrixXd all =
+          Eigen::MatrixXd::NullaryExpr(count, statistics, [&] { return all_by + normal_(random_); });
       for (Eigen::Index n = 0; n < count; ++n)
         for (Eigen::Index i = 0; i < statistics; i += 2) {
           const double by = 8 * normal_(random_);
@@ -79,6 +81,13 @@ TEST(GapClosed, ScatterInManyDirectionsClosesWhatLiesInThem) {
   MadeUp made;
   EXPECT_GT(made.closed_by_walks(true), 0.95);
   EXPECT_LT(made.closed_by_walks(false), 0.5);
+}
+
+// How near single stacks come says nothing where the gap is many times what even the wide model scatters.
+TEST(GapClosed, AGapThatStandsOutOfTheScatterNeedsNoStackNearBy) {
+  MadeUp made;
+  EXPECT_GT(made.closed_by_walks(false, 16), 0.9);
+  EXPECT_LT(made.closed_by_walks(false, 4), 0.75);
 }
 
 }  // namespace

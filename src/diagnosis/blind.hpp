@@ -11,7 +11,7 @@ namespace atomcam {
 
 struct BlindEffect {
   std::string name, stage;
-  double strength = 0;  // of its first parameter
+  double strength = 0;  // of its first parameter; 0: not told in its unit
   /// In stacks of this lab and size; 0 where strengths were not drawn in units of it.
   double detection_strength = 0, matched_filter = 0;
 };

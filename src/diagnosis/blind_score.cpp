@@ -84,7 +84,7 @@ void BlindScore::add(const BlindResult& result) {
   for (const BlindResult::Found& one : result.found) {
     names.push_back(one.name);
     for (const BlindEffect& sealed : result.sealed)
-      if (sealed.name == one.name) {
+      if (sealed.name == one.name && sealed.strength > 0) {
         ++strengths_;
         covered_ += std::fabs(one.strength - sealed.strength) <= one.error;
       }

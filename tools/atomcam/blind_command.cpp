@@ -108,7 +108,7 @@ void make(MakeOptions options) {
 BlindResult result_of(const Json& seal, const Json& found) {
   BlindResult result;
   for (const Json& effect : seal["effects"])
-    result.sealed.push_back({effect["name"], effect["stage"], effect["strength"],
+    result.sealed.push_back({effect["name"], effect["stage"], effect.value("strength", 0.0),
                              effect.value("detection_strength", 0.0), effect.value("matched_filter", 0.0)});
   result.verdict = found["verdict"];
   for (const Json& effect : found["effects"]) {
@@ -150,7 +150,8 @@ void score(const ScoreOptions& options) {
         DiagnosisOptions how;
         how.exclude = options.exclude;
         if (options.exclude_truth)
-          for (const Json& effect : seal["effects"]) how.exclude.push_back(effect["name"]);
+          for (const Json& effect : seal["effects"])
+            if (find_effect(std::string(effect["name"]))) how.exclude.push_back(effect["name"]);
         how.threads = thread_count(options.threads);
         how.cache = options.cache.path();
         const auto frames = open_frames(folder / name / "frames.tif"),

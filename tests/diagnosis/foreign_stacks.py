@@ -1,0 +1,835 @@
+#!/usr/bin/env python3
+"""Blind stacks from a simulator that shares nothing with atomcam.
+
+Its own point-spread function (the pupil's field summed up at every site), its own noise laws and random numbers, its own
+order of operations (whole stacks at once), and its own form of every effect, some of which are in no catalogue. What a
+diagnosis makes of them tells how much it leans on its own simulator:
+
+    tests/diagnosis/foreign_stacks.py -n 24 -o foreign
+    atomcam blind score foreign
+
+writes foreign/NNNN/{frames.tif,darks.tif,lab.json} and foreign/seals/NNNN.json, as `atomcam blind make` does. Strength 1
+is weak, 2 clear, 3 strong to this author's eye.
+"""
+
+import argparse
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+
+FINE = 3  # subpixels along a pixel's side where images move
+EFFECTS = {}  # name: (stage, cameras, function)
+MEMBER = set()  # names that are in atomcam's catalogue
+
+
+def effect(stage, cameras="emccd qcmos", listed=True):
+    def add(function):
+        EFFECTS[function.__name__] = (stage, cameras.split(), function)
+        if listed:
+            MEMBER.add(function.__name__)
+        return function
+
+    return add
+
+
+class Stack:
+    """One lab and the arrays that become its frames, effects having their say in between."""
+
+    def __init__(self, rng, camera, frames, darks, size, apodisation=0.0):
+        self.rng, self.camera, self.size = rng, camera, size
+        self.count, self.dark_count = frames, darks
+        self.emccd = camera == "emccd"
+        self.hooks = {"light": [], "fine": [], "mean": [], "electrons": [], "signal": [], "counts": []}
+        u = rng.uniform
+        self.exposure = u(0.05, 0.12)
+        self.pixel, self.magnification = (16.0, 78.125) if self.emccd else (4.6, 30.0)
+        self.wavelength, self.aperture = 0.461, 0.65
+        self.quantum_efficiency = 0.86 if self.emccd else 0.85
+        self.noted_rate, self.noted_stray = 30000.0, 2.0 if self.emccd else 4.0
+        collected = 0.5 * (1 - np.sqrt(1 - self.aperture**2))
+        self.electrons_per_atom = (
+            self.noted_rate * u(0.8, 1.3) * self.exposure * collected * self.quantum_efficiency
+        )
+        self.stray = self.noted_stray * u(0.6, 1.7) * self.exposure
+        self.filling, self.survival = u(0.45, 0.7), u(0.93, 0.995)
+        self.bias = 200 + u(-3, 3)
+        if self.emccd:
+            self.em_gain, self.electrons_per_count = 300 * u(0.8, 1.2), 4.85
+            self.read_noise = 4 * u(0.9, 1.15)
+            self.dark = 0.002 * u(0.7, 1.4) + 3e-4 * self.exposure
+        else:
+            self.em_gain, self.electrons_per_count = 1, 0.107 * u(0.92, 1.08)
+            self.read_noise = 4 * u(0.9, 1.15)
+            shape = (size, size)
+            self.dark = rng.gamma(2.0, 0.006 * u(0.7, 1.4) * self.exposure / 2.0, shape)
+            self.offsets = (
+                rng.normal(0, u(0.4, 0.8), shape)
+                + rng.gumbel(0, u(0.05, 0.2), (1, size))
+                + rng.normal(0, u(0.05, 0.2), (size, 1))
+            )
+            self.noise_map = self.read_noise * np.maximum(0.3, rng.normal(1, u(0.03, 0.1), shape))
+        spacing = u(8.6, 11.5)
+        self.grid_rows, self.grid_cols = (int((size - 20) / spacing) + 1 - int(rng.integers(0, 2)) for _ in range(2))
+        self.spacing = spacing
+        first = [0.5 * (size - 1 - (n - 1) * spacing) for n in (self.grid_cols, self.grid_rows)]
+        self.noted_first = [round(v, 1) for v in first]
+        angle = np.deg2rad(u(-0.5, 0.5))
+        columns, rows = np.meshgrid(np.arange(self.grid_cols), np.arange(self.grid_rows))
+        self.lattice = (rows.ravel(), columns.ravel())
+        true_spacing = spacing * u(0.997, 1.003)
+        x, y = columns.ravel() * true_spacing, rows.ravel() * true_spacing
+        self.x = first[0] + u(-0.8, 0.8) + x * np.cos(angle) - y * np.sin(angle)
+        self.y = first[1] + u(-0.8, 0.8) + x * np.sin(angle) + y * np.cos(angle)
+        self.sites = self.x.size
+        # Wavefront per site: Noll terms 4 (defocus) to 11, um rms.
+        common = np.concatenate([[u(0.0, 0.07)], u(-0.012, 0.012, 7)])
+        self.wavefront = np.tile(common, (self.sites, 1))
+        self.apodisation = apodisation
+        self.brightness = np.ones(self.sites)
+        self.blur = None  # (sigma_x, sigma_y) in px
+        self.shifts = None  # (frames, 2) in px
+        self.smear = self.serial = 0.0
+        self.background = np.ones((size, size))  # relative map of stray light
+        self.response = np.ones((size, size))
+
+    def on(self, plane, function):
+        self.hooks[plane].append(function)
+
+    def run(self, plane, values, dark=False):
+        for function in self.hooks[plane]:
+            values = function(values, dark)
+        return values
+
+    def site_images(self):
+        """(sites, size * FINE, size * FINE), each of sum 1 but for what falls off the sensor."""
+        n, reach = 128, self.size  # the field repeats after more than twice the frame
+        axis = (np.arange(n) + 0.5) / n * 2 - 1
+        px, py = np.meshgrid(axis, axis)
+        r2, theta = px**2 + py**2, np.arctan2(py, px)
+        r = np.sqrt(r2)
+        inside = r2 <= 1
+        zernike = np.array([
+            np.sqrt(3) * (2 * r2 - 1),
+            np.sqrt(6) * r2 * np.sin(2 * theta),
+            np.sqrt(6) * r2 * np.cos(2 * theta),
+            np.sqrt(8) * (3 * r**3 - 2 * r) * np.sin(theta),
+            np.sqrt(8) * (3 * r**3 - 2 * r) * np.cos(theta),
+            np.sqrt(8) * r**3 * np.sin(3 * theta),
+            np.sqrt(8) * r**3 * np.cos(3 * theta),
+            np.sqrt(5) * (6 * r2**2 - 6 * r2 + 1),
+        ])
+        # High-aperture objectives dim the pupil's edge: a power of the cosine of the ray's angle.
+        amplitude = inside * (1 - self.aperture**2 * np.minimum(r2, 1)) ** self.apodisation
+        cutoff = self.aperture / self.wavelength * self.pixel / self.magnification  # cycles per px
+        step = 1 / (2 * FINE)  # two samples along a fine pixel
+        images = np.zeros((self.sites, self.size * FINE, self.size * FINE), np.float32)
+        for s in range(self.sites):
+            field = amplitude * np.exp(2j * np.pi / self.wavelength * np.tensordot(self.wavefront[s], zernike, 1))
+            column, row = int(round(self.x[s])), int(round(self.y[s]))
+            at = (np.arange(2 * FINE * (2 * reach + 1)) + 0.5) * step - 0.5 - reach
+            to_x = np.exp(-2j * np.pi * cutoff * np.outer(at + column - self.x[s], axis))
+            to_y = np.exp(-2j * np.pi * cutoff * np.outer(at + row - self.y[s], axis))
+            light = np.abs(to_y @ field @ to_x.T) ** 2
+            light = light.reshape(light.shape[0] // 2, 2, -1, 2).sum((1, 3))
+            # Parseval: all the light of the pupil, what lands beyond the patch included.
+            light *= (2 / n * cutoff * step) ** 2 / np.sum(amplitude**2)
+            top, left = (row - reach) * FINE, (column - reach) * FINE
+            y0, x0 = max(0, -top), max(0, -left)
+            y1, x1 = (min(light.shape[k], self.size * FINE - o) for k, o in ((0, top), (1, left)))
+            images[s, top + y0 : top + y1, left + x0 : left + x1] = light[y0:y1, x0:x1]
+        return images
+
+    def exposures(self):
+        """(frames, sites): how long each site shone, in parts of the exposure."""
+        shape = (self.count, self.sites)
+        here = self.rng.random(shape) < self.filling
+        lost = self.rng.exponential(-1 / np.log(self.survival), shape)
+        return np.where(here, np.minimum(1, lost), 0)
+
+    def mean_light(self):
+        light = self.run("light", self.exposures()) * self.brightness
+        images = self.site_images()
+        if self.shifts is None and self.blur is None and not self.hooks["fine"]:
+            pixels = images.reshape(self.sites, self.size, FINE, self.size, FINE).sum((2, 4))
+            mean = light.astype(np.float32) @ pixels.reshape(self.sites, -1)
+            mean = mean.reshape(self.count, self.size, self.size)
+        else:
+            mean = np.empty((self.count, self.size, self.size), np.float32)
+            frequency = np.fft.fftfreq(self.size * FINE) * FINE  # cycles per px
+            fx, fy = np.meshgrid(frequency, frequency)
+            blur = np.ones_like(fx) if self.blur is None else self.blur(fx, fy)
+            flat = images.reshape(self.sites, -1)
+            for n in range(self.count):
+                fine = self.run("fine", (light[n].astype(np.float32) @ flat).reshape(fx.shape))
+                shift = (0, 0) if self.shifts is None else self.shifts[n]
+                moved = np.fft.ifft2(
+                    np.fft.fft2(fine) * blur * np.exp(-2j * np.pi * (fx * shift[0] + fy * shift[1]))
+                ).real
+                mean[n] = moved.reshape(self.size, FINE, self.size, FINE).sum((1, 3))
+        return np.maximum(mean, 0) * self.electrons_per_atom + self.stray * self.background
+
+    def expose(self, dark):
+        count = self.dark_count if dark else self.count
+        rng = self.rng
+        mean = np.zeros((count, self.size, self.size)) if dark else self.mean_light()
+        mean = self.run("mean", mean, dark) * self.response + self.dark
+        electrons = self.run("electrons", rng.poisson(mean).astype(float), dark)
+        if self.emccd:
+            signal = np.zeros_like(electrons)
+            some = electrons > 0
+            signal[some] = rng.gamma(electrons[some], self.em_gain)
+        else:
+            signal = electrons
+        signal = self.run("signal", signal, dark) / self.electrons_per_count
+        if self.emccd:
+            counts = signal + self.bias + rng.normal(0, self.read_noise, signal.shape)
+        else:
+            counts = signal + self.bias + self.offsets + rng.normal(0, 1, signal.shape) * self.noise_map
+        counts = self.run("counts", counts, dark)
+        return np.clip(np.rint(counts), 0, 65535).astype(np.uint16)
+
+    def notes(self):
+        settings = {
+            "quantum_efficiency": self.quantum_efficiency,
+            "exposure_s": self.exposure,
+            "preamp_e_per_adu": 4.85 if self.emccd else 0.107,
+            "bias_adu": 200.0,
+            "read_noise_adu": 4.0,
+            "dark_e_per_s": 3e-4 if self.emccd else 0.006,
+            "pixel_um": self.pixel,
+            "magnification": self.magnification,
+            "numerical_aperture": self.aperture,
+            "wavelength_um": self.wavelength,
+            "scattering_rate_hz": self.noted_rate,
+            "stray_e_per_s": self.noted_stray,
+            "filling": 0.55,
+            "survival": 0.97,
+        }
+        if self.emccd:
+            settings |= {"em_gain": 300.0, "cic_e": 0.002}
+        return {
+            "camera": "iXon Ultra 897" if self.emccd else "ORCA-Quest",
+            "shape": [self.size, self.size],
+            "settings": settings,
+            "site_grid": {
+                "rows": self.grid_rows,
+                "cols": self.grid_cols,
+                "spacing_px": round(self.spacing, 2),
+                "first_site_px": self.noted_first,
+                "angle_deg": 0.0,
+            },
+        }
+
+    def field(self):
+        """Sites' positions from the middle, -1 to 1 at the sensor's edges."""
+        half = 0.5 * (self.size - 1)
+        return (self.x - half) / half, (self.y - half) / half
+
+    def pixels(self):
+        half = 0.5 * (self.size - 1)
+        rows, columns = np.mgrid[: self.size, : self.size]
+        return (columns - half) / half, (rows - half) / half
+
+    def slow(self, count, memory):
+        """Normal values of unit rms, smooth over `memory` frames."""
+        width = max(1, int(3 * memory))
+        kernel = np.exp(-0.5 * (np.arange(-width, width + 1) / memory) ** 2)
+        noise = self.rng.normal(0, 1, count + 2 * width)
+        return np.convolve(noise, kernel / np.sqrt(np.sum(kernel**2)), "valid")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# In the catalogue. `k` is 0.5, 1, 2 for strengths 1, 2, 3.
+
+
+@effect("scene")
+def site_brightness_spread(s, k):
+    s.brightness *= np.maximum(0.05, 1 + 0.1 * k * s.rng.normal(0, 1, s.sites))
+
+
+@effect("scene")
+def site_position_scatter(s, k):
+    s.x = s.x + 0.12 * k * s.rng.normal(0, 1, s.sites)
+    s.y = s.y + 0.12 * k * s.rng.normal(0, 1, s.sites)
+
+
+@effect("scene")
+def fluorescence_drift(s, k):
+    drift = 1 + 0.05 * k * s.slow(s.count, s.rng.uniform(60, 200))
+    s.on("light", lambda light, dark: light * drift[:, None])
+
+
+@effect("scene")
+def frame_intensity_noise(s, k):
+    noise = np.exp(0.05 * k * s.rng.normal(0, 1, s.count))
+    s.on("light", lambda light, dark: light * noise[:, None])
+
+
+@effect("scene")
+def atom_hopping(s, k):
+    def hop(light, dark):
+        rows, columns = s.lattice
+        for n, a in np.argwhere((light > 0) & (s.rng.random(light.shape) < 0.05 * k)):
+            steps = [(0, 1), (0, -1), (1, 0), (-1, 0)]
+            dr, dc = steps[s.rng.integers(4)]
+            rest = s.rng.random() * light[n, a]
+            light[n, a] -= rest
+            near = np.flatnonzero((rows == rows[a] + dr) & (columns == columns[a] + dc))
+            if near.size:  # on a filled site both are lost, at some time of the rest
+                if light[n, near[0]] > 0:
+                    light[n, near[0]] = min(light[n, near[0]], 1 - rest)
+                else:
+                    light[n, near[0]] = rest
+        return light
+
+    s.on("light", hop)
+
+
+@effect("scene")
+def blinking(s, k):
+    dark_time, dark_share = s.exposure * s.rng.uniform(0.03, 0.2), min(0.5, 0.15 * k)
+    bright_time = dark_time * (1 - dark_share) / dark_share
+
+    def blink(light, dark):
+        out = np.zeros_like(light)
+        steps = 200
+        state = s.rng.random(light.shape) > dark_share
+        dt = s.exposure / steps
+        for step in range(steps):
+            out += state * np.clip(light * steps - step, 0, 1) / steps
+            flip = s.rng.random(light.shape) < dt / np.where(state, bright_time, dark_time)
+            state = state ^ flip
+        return out
+
+    s.on("light", blink)
+
+
+@effect("optics")
+def field_tilt_defocus(s, k):
+    x, y = s.field()
+    angle = s.rng.uniform(0, 2 * np.pi)
+    s.wavefront[:, 0] += 0.05 * k * (x * np.cos(angle) + y * np.sin(angle))
+
+
+@effect("optics")
+def vibration_jitter(s, k):
+    """A slow line motion, and a fast one on the round, of other directions."""
+    rms = 0.3 * k
+    slow = s.rng.uniform(0.2, 0.8)
+    angle = s.rng.uniform(0, np.pi)
+    along = rms * np.sqrt(slow) * s.rng.normal(0, 1, s.count)
+    s.shifts = np.stack([along * np.cos(angle), along * np.sin(angle)], 1)
+    fast = rms * np.sqrt(1 - slow)
+    s.blur = lambda fx, fy: np.exp(-2 * np.pi**2 * fast**2 * 0.5 * (fx**2 + fy**2))
+
+
+@effect("optics")
+def pointing_drift(s, k):
+    memory = s.rng.uniform(15, 60)
+    s.shifts = 0.15 * k * np.stack([s.slow(s.count, memory), s.slow(s.count, memory)], 1)
+
+
+@effect("optics")
+def scatter_halo(s, k):
+    share, scale = min(0.4, 0.08 * k), s.rng.uniform(6, 20)
+    x, y = s.pixels()
+    half = 0.5 * (s.size - 1)
+    kernel = np.exp(-np.hypot(x, y) * half / scale)
+    pad = 2 * s.size
+    transform = np.fft.rfft2(kernel / kernel.sum(), (pad, pad))
+
+    def scatter(mean, dark):
+        if dark:
+            return mean
+        o = (s.size - 1) // 2
+        for n in range(len(mean)):
+            light = mean[n] - s.stray * s.background
+            wide = np.fft.irfft2(np.fft.rfft2(light, (pad, pad)) * transform, (pad, pad))
+            mean[n] = s.stray * s.background + (1 - share) * light + share * wide[o : o + s.size, o : o + s.size]
+        return mean
+
+    s.on("mean", scatter)
+
+
+@effect("optics")
+def stray_light_gradient(s, k):
+    x, y = s.pixels()
+    angle = s.rng.uniform(0, 2 * np.pi)
+    s.background = s.background * np.maximum(0, 1 + 0.35 * k * (x * np.cos(angle) + y * np.sin(angle)))
+
+
+@effect("optics")
+def vignetting(s, k):
+    x, y = s.pixels()
+    r2 = (x**2 + y**2) / 2
+    fall = 1 - min(0.7, 0.25 * k) * r2
+    s.on("mean", lambda mean, dark: mean * fall)
+
+
+@effect("optics")
+def etaloning_fringes(s, k):
+    x, y = s.pixels()
+    half = 0.5 * (s.size - 1)
+    period, angle, phase = s.rng.uniform(12, 30), s.rng.uniform(0, np.pi), s.rng.uniform(0, 2 * np.pi)
+    along = (x * np.cos(angle) + y * np.sin(angle)) * half + 2 * (x**2 + y**2)
+    fringes = 1 + 0.1 * k * np.sin(2 * np.pi * along / period + phase)
+    s.on("mean", lambda mean, dark: mean * fringes)
+
+
+@effect("sensor")
+def hot_pixels(s, k):
+    hot = (s.rng.random((s.size, s.size)) < 0.002 * k) * s.rng.lognormal(0, 0.7, (s.size, s.size))
+    s.dark = s.dark + hot * (0.05 if s.emccd else 3)
+
+
+@effect("sensor")
+def cosmic_rays(s, k):
+    def rays(electrons, dark):
+        for frame in electrons:
+            for _ in range(s.rng.poisson(0.06 * k)):
+                x, y = s.rng.uniform(0, s.size, 2)
+                angle, length = s.rng.uniform(0, 2 * np.pi), s.rng.exponential(4)
+                for t in np.arange(0, length + 0.5, 0.5):
+                    c, r = int(x + t * np.cos(angle)), int(y + t * np.sin(angle))
+                    if 0 <= c < s.size and 0 <= r < s.size:
+                        frame[r, c] += s.rng.poisson(300)
+        return electrons
+
+    s.on("electrons", rays)
+
+
+@effect("sensor")
+def pixel_crosstalk(s, k):
+    """Electrons hop to one of the four neighbours, each by itself."""
+    share = 0.03 * k
+
+    def leak(electrons, dark):
+        out = np.zeros_like(electrons)
+        left = electrons.astype(int)
+        for dr, dc in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+            moved = s.rng.binomial(np.maximum(left, 0), min(0.2, share / 4))
+            left = left - moved
+            out += np.roll(moved, (dr, dc), (1, 2))
+        return out + left
+
+    s.on("electrons", leak)
+
+
+@effect("sensor")
+def image_lag(s, k):
+    share = 0.02 * k
+
+    def lag(electrons, dark):
+        out = electrons.copy()
+        out[1:] += s.rng.poisson(share * electrons[:-1])
+        return out
+
+    s.on("electrons", lag)
+
+
+@effect("sensor", "emccd")
+def frame_transfer_smear(s, k):
+    share = 0.03 * k
+
+    def smear(mean, dark):
+        if dark:
+            return mean
+        light = mean - s.stray * s.background
+        return mean + share * light.mean(1, keepdims=True)
+
+    s.on("mean", smear)
+
+
+@effect("sensor", "emccd")
+def serial_cic(s, k):
+    def serial(signal, dark):
+        events = s.rng.poisson(0.03 * k, signal.shape)
+        some = events > 0
+        depth = s.rng.random(int(some.sum()))
+        signal[some] += s.rng.exponential(s.em_gain**depth)
+        return signal
+
+    s.on("signal", serial)
+
+
+@effect("sensor", "emccd")
+def cti_tail(s, k):
+    share, length = 0.025 * k, s.rng.uniform(0.7, 2.5)
+
+    def trail(signal, dark):
+        kept = np.zeros(signal.shape[:2])
+        out = np.empty_like(signal)
+        decay = np.exp(-1 / length)
+        for c in range(signal.shape[2]):
+            out[:, :, c] = signal[:, :, c] * (1 - share) + kept * (1 - decay)
+            kept = kept * decay + share * signal[:, :, c]
+        return out
+
+    s.on("signal", trail)
+
+
+@effect("sensor")
+def pixel_response_nonuniformity(s, k):
+    s.response = s.response * np.maximum(0.1, s.rng.normal(1, 0.06 * k, s.response.shape))
+
+
+@effect("sensor")
+def nonlinearity(s, k):
+    full = (120000 if s.emccd else 1200) / k
+
+    s.on("signal", lambda signal, dark: full * (1 - np.exp(-np.minimum(signal, 5 * full) / full)))
+
+
+@effect("sensor")
+def random_telegraph_noise(s, k):
+    chosen = np.argwhere(s.rng.random((s.size, s.size)) < 0.01 * k)
+    step = 2.5 * s.read_noise
+    rate = s.rng.uniform(0.02, 0.2, len(chosen))
+
+    def jump(counts, dark):
+        for (r, c), p in zip(chosen, rate):
+            flips = s.rng.random(len(counts)) < p
+            counts[:, r, c] += step * ((np.cumsum(flips) + s.rng.integers(2)) % 2 - 0.5)
+        return counts
+
+    s.on("counts", jump)
+
+
+@effect("sensor")
+def dual_adc_peaks(s, k):
+    chosen = s.rng.random((s.size, s.size)) < 0.015 * k
+    step = 3 * s.read_noise
+
+    s.on("counts", lambda counts, dark: counts + chosen * step * (s.rng.random(counts.shape) < 0.5))
+
+
+@effect("sensor")
+def row_noise(s, k):
+    def noise(counts, dark):
+        return counts + s.rng.normal(0, 0.15 * k * s.read_noise, (len(counts), s.size, 1))
+
+    s.on("counts", noise)
+
+
+@effect("sensor")
+def emi_stripes(s, k):
+    period, row_turns = s.rng.uniform(4, 40), s.rng.random()
+
+    def stripes(counts, dark):
+        phase = 2 * np.pi * np.cumsum(s.rng.normal(0, 0.3, len(counts)))[:, None, None]
+        rows, columns = np.mgrid[: s.size, : s.size]
+        return counts + 0.2 * k * s.read_noise * np.sin(2 * np.pi * (columns / period + rows * row_turns) + phase)
+
+    s.on("counts", stripes)
+
+
+@effect("sensor")
+def bias_drift(s, k):
+    memory = s.rng.uniform(10, 80)
+    s.on("counts", lambda counts, dark: counts + 0.08 * k * s.read_noise * s.slow(len(counts), memory)[:, None, None])
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# In no catalogue.
+
+
+@effect("scene", listed=False)
+def beam_profile(s, k):
+    x, y = s.field()
+    s.brightness *= np.exp(-0.35 * k * ((x - 0.6) ** 2 + 0.2 * y**2))
+
+
+@effect("scene", listed=False)
+def pair_loading(s, k):
+    """Now and then two atoms in a trap."""
+    s.on("light", lambda light, dark: light * (1 + (s.rng.random(light.shape) < 0.04 * k)))
+
+
+@effect("scene", listed=False)
+def state_pumping(s, k):
+    """Atoms fall into a state that is half as bright, and stay there."""
+
+    def pump(light, dark):
+        at = s.rng.exponential(1 / (0.25 * k), light.shape)
+        return np.minimum(light, at) + 0.5 * np.maximum(0, light - at)
+
+    s.on("light", pump)
+
+
+@effect("scene", listed=False)
+def common_loading(s, k):
+    """The whole array is filled better in some frames than in others."""
+
+    def load(light, dark):
+        keep = np.clip(1 - 0.2 * k * np.abs(s.rng.normal(0, 1, (s.count, 1))), 0, 1)
+        return light * (s.rng.random(light.shape) < keep)
+
+    s.on("light", load)
+
+
+@effect("scene", listed=False)
+def memory_of_filling(s, k):
+    def remember(light, dark):
+        for n in range(1, len(light)):
+            same = s.rng.random(s.sites) < 0.2 * k
+            light[n] = np.where(same, light[n - 1], light[n])
+        return light
+
+    s.on("light", remember)
+
+
+@effect("scene", listed=False)
+def dead_sites(s, k):
+    """Some traps hardly ever hold an atom."""
+    weak = s.rng.random(s.sites) < 0.06 * k
+
+    s.on("light", lambda light, dark: light * ~(weak & (s.rng.random(light.shape) < 0.8)))
+
+
+@effect("optics", listed=False)
+def ghost_image(s, k):
+    def ghost(mean, dark):
+        return mean if dark else mean + 0.03 * k * np.maximum(0, mean - s.stray)[:, ::-1, ::-1]
+
+    s.on("mean", ghost)
+
+
+@effect("optics", listed=False)
+def field_coma(s, k):
+    x, y = s.field()
+    s.wavefront[:, 3] += 0.035 * k * y
+    s.wavefront[:, 4] += 0.035 * k * x
+
+
+@effect("optics", listed=False)
+def breathing_focus(s, k):
+    """The focus changes from frame to frame: as a blur that does."""
+    width = 0.5 * k * np.abs(s.rng.normal(0, 1, s.count))
+    state = {"n": 0}
+
+    def blur(fine, dark):
+        sigma = width[state["n"] % s.count] * FINE
+        state["n"] += 1
+        f = np.fft.fftfreq(fine.shape[0])
+        fx, fy = np.meshgrid(f, f)
+        return np.fft.ifft2(np.fft.fft2(fine) * np.exp(-2 * np.pi**2 * sigma**2 * (fx**2 + fy**2))).real
+
+    s.on("fine", blur)
+
+
+@effect("optics", listed=False)
+def distortion(s, k):
+    x, y = s.field()
+    r2 = x**2 + y**2
+    s.x = s.x + 0.25 * k * x * (r2 - 0.7)
+    s.y = s.y + 0.25 * k * y * (r2 - 0.7)
+
+
+@effect("optics", listed=False)
+def flickering_background(s, k):
+    level = np.exp(0.15 * k * s.rng.normal(0, 1, s.count))
+
+    s.on("mean", lambda mean, dark: mean if dark else mean + s.stray * s.background * (level - 1)[:, None, None])
+
+
+@effect("optics", listed=False)
+def leakage_spots(s, k):
+    """Light of the traps on every site, atom or not."""
+    images = None
+
+    def leak(mean, dark):
+        nonlocal images
+        if dark:
+            return mean
+        if images is None:
+            fine = s.site_images().sum(0)
+            images = fine.reshape(s.size, FINE, s.size, FINE).sum((1, 3))
+        return mean + 0.01 * k * s.electrons_per_atom * images
+
+    s.on("mean", leak)
+
+
+@effect("sensor", listed=False)
+def quadrant_bias(s, k):
+    half = s.size // 2
+    step = np.kron(s.rng.normal(0, 0.1 * k * s.read_noise, (2, 2)), np.ones((half, half)))
+
+    s.on("counts", lambda counts, dark: counts + step)
+
+
+@effect("sensor", listed=False)
+def gain_drift(s, k):
+    drift = 1 + 0.06 * k * np.linspace(-1, 1, s.count)
+
+    s.on("signal", lambda signal, dark: signal if dark else signal * drift[:, None, None])
+
+
+@effect("sensor", listed=False)
+def column_noise(s, k):
+    s.on("counts", lambda c, dark: c + s.rng.normal(0, 0.12 * k * s.read_noise, (len(c), 1, s.size)))
+
+
+@effect("sensor", listed=False)
+def amplifier_glow(s, k):
+    x, y = s.pixels()
+    glow = 0.12 * k * np.exp(-np.hypot(x + 1, y + 1) / 0.5)
+    s.dark = s.dark + glow
+
+
+@effect("sensor", listed=False)
+def parallel_cti(s, k):
+    share = 0.03 * k
+
+    def trail(electrons, dark):
+        moved = s.rng.binomial(electrons.astype(int), min(0.3, share))
+        out = electrons - moved
+        out[:, 1:] += moved[:, :-1]
+        return out
+
+    s.on("electrons", trail)
+
+
+@effect("sensor", listed=False)
+def missing_codes(s, k):
+    every = {0.5: 16, 1: 8, 2: 4}[k]
+
+    def miss(counts, dark):
+        codes = np.rint(counts)
+        return np.where(codes % every == 0, codes + 1, codes)
+
+    s.on("counts", miss)
+
+
+@effect("sensor", listed=False)
+def heavy_read_noise(s, k):
+    """Some reads are much noisier, on any pixel."""
+
+    def noise(counts, dark):
+        some = s.rng.random(counts.shape) < 0.004 * k
+        return counts + some * s.rng.normal(0, 4 * s.read_noise, counts.shape)
+
+    s.on("counts", noise)
+
+
+@effect("sensor", listed=False)
+def first_frames(s, k):
+    s.on("counts", lambda c, dark: c + (0.5 * k * s.read_noise * np.exp(-np.arange(len(c)) / 3.0))[:, None, None])
+
+
+@effect("sensor", listed=False)
+def repeated_frames(s, k):
+    def repeat(counts, dark):
+        for n in range(1, len(counts)):
+            if s.rng.random() < 0.015 * k:
+                counts[n] = counts[n - 1]
+        return counts
+
+    s.on("counts", repeat)
+
+
+@effect("sensor", listed=False)
+def correlated_read_noise(s, k):
+    def noise(counts, dark):
+        extra = s.rng.normal(0, 0.35 * np.sqrt(k) * s.read_noise, counts.shape)
+        extra[:, :, 1:] += 0.6 * extra[:, :, :-1]
+        return counts + extra
+
+    s.on("counts", noise)
+
+
+@effect("sensor", listed=False)
+def brighter_fatter(s, k):
+    def spread(mean, dark):
+        if dark:
+            return mean
+        flow = 6e-4 * k * mean * mean
+        out = mean - flow
+        for dr, dc in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+            out += 0.25 * np.roll(flow, (dr, dc), (1, 2))
+        return np.maximum(0, out)
+
+    s.on("mean", spread)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def write_tiff(path, frames):
+    """Little-endian TIFF, one strip a page, 16 bit."""
+    count, rows, columns = frames.shape
+    with open(path, "wb") as out:
+        out.write(struct.pack("<2sHI", b"II", 42, 8))
+        at = 8
+        size = rows * columns * 2
+        for n in range(count):
+            entries = [
+                (256, 4, columns), (257, 4, rows), (258, 3, 16), (259, 3, 1), (262, 3, 1),
+                (273, 4, at + 2 + 9 * 12 + 4), (277, 3, 1), (278, 4, rows), (279, 4, size),
+            ]
+            after = at + 2 + 9 * 12 + 4 + size
+            out.write(struct.pack("<H", len(entries)))
+            for tag, kind, value in entries:
+                out.write(struct.pack("<HHII", tag, kind, 1, value))
+            out.write(struct.pack("<I", after if n + 1 < count else 0))
+            out.write(frames[n].astype("<u2").tobytes())
+            at = after
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--out", type=Path, required=True, help="folder to write")
+    parser.add_argument("-n", "--stacks", type=int, default=10, help="how many (10)")
+    parser.add_argument("--seed", type=int, default=1, help="of the series (1)")
+    parser.add_argument("--frames", type=int, default=300, help="of a stack (300)")
+    parser.add_argument("--darks", type=int, default=100, help="of a stack (100)")
+    parser.add_argument("--size", type=int, default=96, help="rows and columns (96)")
+    parser.add_argument("--effect", action="append", default=[], help="choose among these: NAME, NAME+NAME or none")
+    parser.add_argument("--apodisation", type=float, default=0, help="dims the pupil's edge: power of the cosine (0)")
+    parser.add_argument("--camera", choices=["emccd", "qcmos"], help="always this one")
+    parser.add_argument("--strength", type=int, choices=[1, 2, 3], help="always this one (drawn)")
+    parser.add_argument("--unlisted", action="store_true", help="only effects that are in no catalogue")
+    parser.add_argument("--list", action="store_true", help="name the effects, make nothing")
+    options = parser.parse_args()
+    if options.list:
+        for name, (stage, cameras, _) in EFFECTS.items():
+            print(f"{name:30} {stage:7} {'' if name in MEMBER else 'unlisted':9} {' '.join(cameras)}")
+        return
+    (options.out / "seals").mkdir(parents=True, exist_ok=True)
+    pool = [name for name in EFFECTS if (name in MEMBER) != options.unlisted]
+    for number in range(options.stacks):
+        rng = np.random.default_rng([options.seed, number])
+        folder = options.out / f"{number:04}"
+        choice = options.effect[number % len(options.effect)] if options.effect else pool[int(rng.integers(len(pool)))]
+        names = [] if choice == "none" else choice.split("+")
+        for name in names:
+            if name not in EFFECTS:
+                parser.error(f"--effect {name}: --list names them")
+        cameras = [c for c in ("emccd", "qcmos") if all(c in EFFECTS[name][1] for name in names)]
+        camera = cameras[int(rng.integers(len(cameras)))]
+        if options.camera in cameras:
+            camera = options.camera
+        stack = Stack(rng, camera, options.frames, options.darks, options.size, options.apodisation)
+        sealed = []
+        for name in names:
+            drawn = int(rng.integers(1, 4))
+            strength = options.strength or drawn
+            EFFECTS[name][2](stack, {1: 0.5, 2: 1, 3: 2}[strength])
+            sealed.append({"name": name, "stage": EFFECTS[name][0], "grade": strength})
+        if (folder / "lab.json").exists():
+            continue
+        folder.mkdir(exist_ok=True)
+        write_tiff(folder / "frames.tif", stack.expose(dark=False))
+        write_tiff(folder / "darks.tif", stack.expose(dark=True))
+        truth = {
+            key: float(getattr(stack, key))
+            for key in ("electrons_per_atom", "stray", "filling", "survival", "bias", "em_gain", "electrons_per_count")
+        }
+        seal = {"effects": sealed, "camera": camera, "truth": truth}
+        (options.out / "seals" / f"{number:04}.json").write_text(json.dumps(seal, indent=1))
+        (folder / "lab.json").write_text(json.dumps(stack.notes(), indent=1))  # last: the stack is complete
+
+
+if __name__ == "__main__":
+    main()

@@ -192,8 +192,7 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
       if (!calibrated) recalibrate(one, ground.real, plan, numbers_of("calibration" + number));
       // A point-spread function per site leaves no time for many optical systems.
       if (std::find(one.effects.begin(), one.effects.end(), "field_tilt_defocus") != one.effects.end())
-        for (Uncertain& open : one.open)
-          if (open.shared) open.width = 0;
+        leave_undrawn(one, *ground.plain);
       judge(one, *ground.real.values, judged_stacks, plan, numbers_of("judge" + number), ground.plain,
             [&](int done) {
               progress(title(one), from + part * std::min(1.0, static_cast<double>(done) / judged_stacks));

@@ -24,7 +24,9 @@ constexpr double second_evidence = 12;  // logarithm, for another effect on top 
 constexpr double pair_odds = 5;         // logarithm, over the likeliest of one effect, for two
 
 constexpr double odd = 0.05;  // p-value of frames that a model, even if it passes, fits none too well
-constexpr double least_closed_if_odd = 0.9;  // then, of the gap on held-out frames, for an effect to be named
+// Then, of the gap on held-out frames, for an effect to be named; and where they are so odd that only a large
+// gap that it takes away lets it pass.
+constexpr double least_closed_if_odd = 0.9, least_closed_if_rejected = 0.96;
 
 constexpr double least_closed = 0.75;       // of the gap on held-out frames, for an effect to be named
 constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
@@ -262,7 +264,9 @@ class Diagnoser {
       // And the effect in its usual form: far from it a valley may lead away.
       start_at(view.usual, ", usual");
     }
-    std::vector<Model> singles = fit_and_judge(std::move(contenders), 0.58, 0.8);
+    std::vector<Model> singles = fit_and_judge(std::move(contenders), 0.58, 0.75);
+    if (choose(singles)) return;
+    for (Model& model : fit_and_judge(overlooked(scans), 0.75, 0.8)) singles.push_back(std::move(model));
     if (choose(singles)) return;
     // Pairs: those whose fingerprints add up best to the real one, then really simulated.
     if (singles.empty()) return nearest({});
@@ -339,6 +343,25 @@ class Diagnoser {
       result_.p_after = result_.p_gap;
       return;
     }
+  }
+
+  /// What was not fitted yet though the scan says that it would take much away. Of a large gap the few stacks
+  /// of a scan hardly tell which effect makes it: calibration follows, and no place of the scan is near.
+  std::vector<Contender> overlooked(const std::vector<Scan>& scans) {
+    constexpr double least_share = 0.1;
+    constexpr std::size_t most = 4;
+    std::vector<const Scan*> list;
+    for (const Scan& one : scans)
+      if (one.best().share > least_share && !end_alone(one)) list.push_back(&one);
+    std::stable_sort(list.begin(), list.end(),
+                     [](const Scan* a, const Scan* b) { return a->best().share > b->best().share; });
+    if (list.size() > most) list.resize(most);
+    std::vector<Contender> contenders;
+    for (const Scan* one : list) {
+      const ScanView& view = one->best();
+      contenders.push_back({one->effect->name, with(plain_, *one, view.best), view.log_likelihood});
+    }
+    return contenders;
   }
 
   /// Both effects as their fingerprints add up best, and each as it ended alone: what two strong effects do
@@ -456,7 +479,9 @@ class Diagnoser {
   /// A clear difference is left as it was, or made: whatever the effect takes away, it is not what made that.
   bool contradicted(const Model& model) const {
     const Standard &plain = *plain_.standard, &own = *model.standard;
-    const Eigen::ArrayXd left = tolerated(model.z, own.deviation(), plain.discrepancy()).array().abs();
+    Eigen::VectorXd allowed = plain.discrepancy();
+    if (model.undrawn.size()) allowed = (allowed.array().square() + model.undrawn.array().square()).sqrt();
+    const Eigen::ArrayXd left = tolerated(model.z, own.deviation(), allowed).array().abs();
     const Eigen::ArrayXd before = plain_.z.cwiseProduct(plain.deviation()).array().abs(),
                          after = model.z.cwiseProduct(own.deviation()).array().abs();
     return (plain.deviation().array() > 0 && left > clear_difference && after > as_it_was * before).any();
@@ -623,6 +648,7 @@ class Diagnoser {
   bool closes_too_little() const {
     const GapClosed& gap = result_.gap;
     if (!final_.explains.empty()) return gap.part_closed_high < least_part_closed;
+    if (final_.p_value < reject_level) return gap.closed < least_closed_if_rejected;
     return odd_under(final_) ? gap.closed < least_closed_if_odd : gap.closed_high < least_closed;
   }
 

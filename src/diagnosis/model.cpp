@@ -136,6 +136,18 @@ Eigen::VectorXd own_log_likelihoods(const Model& model) {
   return all;
 }
 
+void leave_undrawn(Model& model, const Model& plain) {
+  const Eigen::MatrixXd slopes = plain.standard->slopes();
+  Eigen::ArrayXd square = Eigen::ArrayXd::Zero(slopes.rows());
+  for (Eigen::Index k = 0; k < model.first_effect_parameter; ++k) {
+    Uncertain& one = model.open[static_cast<std::size_t>(k)];
+    if (!one.shared) continue;
+    one.width = 0;
+    square += (slopes.col(k).array() * plain.open[static_cast<std::size_t>(k)].width).square();
+  }
+  model.undrawn = square.sqrt();
+}
+
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,
            const Model* plain, const std::function<void(int)>& progress) {
   model.population = simulate_population(model.lab, model.open, stacks, plan, first, nullptr, progress);
@@ -145,6 +157,8 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
     discrepancy = allowed_discrepancy(*plain, real, plan, model.explains);
   else
     discrepancy = optical_detail(Standard(model.population, Part::whole).deviation(), plan);
+  if (model.undrawn.size())
+    discrepancy = (discrepancy.array().square() + model.undrawn.array().square()).sqrt();
   model.standard = std::make_unique<Standard>(model.population, Part::whole, std::vector<Eigen::Index>{},
                                               std::move(discrepancy), plain ? effects_reach : plain_reach);
   // The plain model's own stacks are granted the same, or frames of its kind would look better than they are.

@@ -19,6 +19,9 @@ struct Model {
   Eigen::Index first_effect_parameter = 0;
   /// Observables that it is to explain, whatever the plain model misses of the others; empty: all.
   std::vector<std::string> explains;
+  /// What open parameters that its stacks do not vary leave uncertain of each statistic (1 sigma, in the
+  /// statistic's unit); empty: nothing.
+  Eigen::VectorXd undrawn;
   Population population;
   Population wider;  // to estimate from, where the draws of `population` are too narrow for that; else empty
   std::unique_ptr<Standard> standard;
@@ -67,6 +70,10 @@ Standard::Estimate within_draws(Standard::Estimate estimate, const std::vector<U
 /// each under what the others say of the model (as many folds as in its standard).
 Eigen::VectorXd log_likelihoods(const Model& model, const Eigen::MatrixXd& statistics);
 Eigen::VectorXd own_log_likelihoods(const Model& model);
+
+/// Its stacks do not vary the shared parameters, as making them would take too long: what these leave
+/// uncertain follows from the plain model's slopes.
+void leave_undrawn(Model& model, const Model& plain);
 
 /// Simulates `stacks` of the model and judges the real one by them. `plain`: the judged plain model, for the
 /// discrepancy that a model with effects is allowed; none of it without.

@@ -43,5 +43,33 @@ TEST(Model, AnEffectIsNotWhatItsLawDoesNotReach) {
   EXPECT_FALSE(beyond(0.5));
 }
 
+TEST(Model, WhatItsStacksDoNotVaryIsUncertainAllTheSame) {
+  // Two statistics; the first follows the shared parameter by 3 per unit, the second nothing.
+  constexpr int stacks = 60;
+  Model plain, model;
+  plain.population.draws.resize(stacks, 2);
+  plain.population.whole.resize(stacks, 2);
+  RandomStream random(7, stream_id("test"), 0, 0);
+  const auto noise = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32 - 0.5; };
+  for (int n = 0; n < stacks; ++n) {
+    for (int k = 0; k < 2; ++k) plain.population.draws(n, k) = noise();
+    plain.population.whole(n, 0) = 3 * plain.population.draws(n, 0) + 0.1 * noise();
+    plain.population.whole(n, 1) = noise();
+  }
+  plain.standard = std::make_unique<Standard>(plain.population, Part::whole);
+  plain.open.resize(2);
+  plain.open[0].width = 0.2;
+  plain.open[0].shared = true;
+  plain.open[1].width = 0.5;
+  plain.first_effect_parameter = 2;
+  model.open = plain.open;
+  model.first_effect_parameter = 2;
+  leave_undrawn(model, plain);
+  EXPECT_EQ(model.open[0].width, 0);
+  EXPECT_EQ(model.open[1].width, 0.5);
+  EXPECT_NEAR(model.undrawn(0), 0.6, 0.06);
+  EXPECT_EQ(model.undrawn(1), 0);
+}
+
 }  // namespace
 }  // namespace atomcam

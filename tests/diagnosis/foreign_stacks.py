@@ -90,7 +90,6 @@ class Stack:
         self.brightness = np.ones(self.sites)
         self.blur = None  # (sigma_x, sigma_y) in px
         self.shifts = None  # (frames, 2) in px
-        self.smear = self.serial = 0.0
         self.background = np.ones((size, size))  # relative map of stray light
         self.response = np.ones((size, size))
 

@@ -88,7 +88,7 @@ class Stack:
         self.wavefront = np.tile(common, (self.sites, 1))
         self.apodisation = apodisation
         self.brightness = np.ones(self.sites)
-        self.blur = None  # (sigma_x, sigma_y) in px
+        self.blur = None  # transfer function of (fx, fy), cycles per px
         self.shifts = None  # (frames, 2) in px
         self.background = np.ones((size, size))  # relative map of stray light
         self.response = np.ones((size, size))

@@ -479,8 +479,7 @@ class Diagnoser {
   /// A clear difference is left as it was, or made: whatever the effect takes away, it is not what made that.
   bool contradicted(const Model& model) const {
     const Standard &plain = *plain_.standard, &own = *model.standard;
-    Eigen::VectorXd allowed = plain.discrepancy();
-    if (model.undrawn.size()) allowed = (allowed.array().square() + model.undrawn.array().square()).sqrt();
+    const Eigen::VectorXd allowed = model.with_undrawn(plain.discrepancy());
     const Eigen::ArrayXd left = tolerated(model.z, own.deviation(), allowed).array().abs();
     const Eigen::ArrayXd before = plain_.z.cwiseProduct(plain.deviation()).array().abs(),
                          after = model.z.cwiseProduct(own.deviation()).array().abs();

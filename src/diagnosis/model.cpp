@@ -136,6 +136,11 @@ Eigen::VectorXd own_log_likelihoods(const Model& model) {
   return all;
 }
 
+Eigen::VectorXd Model::with_undrawn(Eigen::VectorXd discrepancy) const {
+  if (undrawn.size()) discrepancy = (discrepancy.array().square() + undrawn.array().square()).sqrt();
+  return discrepancy;
+}
+
 void leave_undrawn(Model& model, const Model& plain) {
   const Eigen::MatrixXd slopes = plain.standard->slopes();
   Eigen::ArrayXd square = Eigen::ArrayXd::Zero(slopes.rows());
@@ -157,10 +162,9 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
     discrepancy = allowed_discrepancy(*plain, real, plan, model.explains);
   else
     discrepancy = optical_detail(Standard(model.population, Part::whole).deviation(), plan);
-  if (model.undrawn.size())
-    discrepancy = (discrepancy.array().square() + model.undrawn.array().square()).sqrt();
   model.standard = std::make_unique<Standard>(model.population, Part::whole, std::vector<Eigen::Index>{},
-                                              std::move(discrepancy), plain ? effects_reach : plain_reach);
+                                              model.with_undrawn(std::move(discrepancy)),
+                                              plain ? effects_reach : plain_reach);
   // The plain model's own stacks are granted the same, or frames of its kind would look better than they are.
   Eigen::MatrixXd own = model.standard->own();
   if (!plain)

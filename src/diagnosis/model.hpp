@@ -42,6 +42,8 @@ struct Model {
   Lab fitted_lab() const;
   /// The lab with the open parameters at these coordinates.
   Lab lab_at(const Eigen::VectorXd& coordinates) const;
+  /// How wrong it may be about each statistic, with what is `undrawn`.
+  Eigen::VectorXd with_undrawn(Eigen::VectorXd discrepancy) const;
   /// What the model's open parameters are estimated with, from a part of the real stack.
   Standard estimator(Part part) const;
   /// The model with only the first `count` of its effects, fixed at these coordinates.

@@ -127,6 +127,14 @@ bool field_is_displaced(const std::vector<StatisticDeclaration>& battery, const 
          }) > clear;
 }
 
+/// Sites that hold an atom more or less often than others, more than anything else: loading. The light's
+/// noise over the frame follows; nothing behind the atoms does this.
+bool sites_load_unevenly(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.9;
+  return largest(battery, z, [](const auto& one) { return has(one, ".sites.filling_by_site."); }) >
+         std::max(clear, beside * z.cwiseAbs().maxCoeff());
+}
+
 /// What an image is around a site, far more than anything else: the shape itself, not where it is nor the
 /// charge that trails behind it.
 bool images_change_shape(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
@@ -179,6 +187,7 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_flashes(battery, z) ||
                light_ripples(battery, z)))
     return "optics";
+  if (sites_load_unevenly(battery, z)) return "scene";
   if (images_change_shape(battery, z)) return "optics";
   if (both && light_gathers(battery, z)) return "scene";
   if (sites_are_displaced(battery, z)) return field_is_displaced(battery, z) ? "optics" : "scene";

@@ -16,6 +16,7 @@ EffectDeclaration blinking();
 EffectDeclaration field_tilt_defocus();
 EffectDeclaration vibration_jitter();
 EffectDeclaration pointing_drift();
+EffectDeclaration pupil_apodisation();
 EffectDeclaration scatter_halo();
 EffectDeclaration stray_light_gradient();
 EffectDeclaration vignetting();
@@ -46,6 +47,7 @@ std::span<const EffectDeclaration> effect_catalogue() {
       field_tilt_defocus(),
       vibration_jitter(),
       pointing_drift(),
+      pupil_apodisation(),
       scatter_halo(),
       stray_light_gradient(),
       vignetting(),

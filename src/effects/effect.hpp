@@ -55,8 +55,9 @@ struct LightField {
   std::vector<Emitter>* emitters = nullptr;
   double shift_x_px = 0;  // of the whole image this frame
   double shift_y_px = 0;
-  double halo_fraction = 0;  // of every atom's light, scattered into a halo
-  double halo_scale_px = 0;  // its exponential radius
+  double pupil_edge_loss = 0;  // of amplitude at the pupil's edge, beside its centre
+  double halo_fraction = 0;    // of every atom's light, scattered into a halo
+  double halo_scale_px = 0;    // its exponential radius
   /// Part of the light of every pixel of lower (higher) row, and of its own, that a pixel of the plane is
   /// under while the frame is shifted.
   double smear_from_above = 0, smear_from_below = 0;

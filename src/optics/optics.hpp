@@ -22,6 +22,7 @@ struct OpticsDescription {
   double pixel_um = 16;           // physical pixel pitch
   double transmission = 1;        // of everything between atom and sensor
   bool apodisation = false;       // sine-condition amplitude (1 - (NA rho)^2)^(-1/4) of a high-NA objective
+  double pupil_edge_loss = 0;     // amplitude falls as 1 - loss rho^2 from the pupil's centre to its edge
   std::array<double, zernike_terms> zernike_um{};  // rms um
   bool operator==(const OpticsDescription&) const = default;
 };

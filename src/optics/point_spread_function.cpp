@@ -23,6 +23,8 @@ void check(const OpticsDescription& optics, double defocus_um, const Blur& blur)
   require(optics.magnification > 0, "magnification", optics.magnification, "above 0");
   require(optics.pixel_um > 0, "pixel_um", optics.pixel_um, "above 0");
   for (const double value : optics.zernike_um) require(std::isfinite(value), "zernike_um", value, "finite");
+  require(optics.pupil_edge_loss >= 0 && optics.pupil_edge_loss <= 1, "pupil_edge_loss",
+          optics.pupil_edge_loss, "0 to 1");
   require(std::isfinite(defocus_um), "defocus_um", defocus_um, "finite");
   require(blur.major_um >= 0 && blur.minor_um >= 0, "blur_um", std::min(blur.major_um, blur.minor_um),
           "0 or more");

@@ -81,7 +81,8 @@ std::shared_ptr<const PupilGrid> shared_grid(int size, int reach, double spacing
 }
 
 /// Row y of the pupil, for pupil_row.
-PupilRow row_at(const PupilPolynomial& turns, double y, double spacing, double numerical_aperture) {
+PupilRow row_at(const PupilPolynomial& turns, double y, double spacing, double numerical_aperture,
+                double edge_loss) {
   PupilRow row{};
   for (std::size_t p = 0; p < 5; ++p) {
     double value = 0, slope = 0;
@@ -96,6 +97,8 @@ PupilRow row_at(const PupilPolynomial& turns, double y, double spacing, double n
   row.spacing = spacing;
   row.sine_square = numerical_aperture * numerical_aperture;
   row.sine_square_y = row.sine_square * y * y;
+  row.edge_loss = edge_loss;
+  row.edge_loss_y = edge_loss * y * y;
   return row;
 }
 
@@ -136,8 +139,11 @@ ImageSamples::ImageSamples(const OpticsDescription& optics, int size, double ste
   for (auto& line : turns)
     for (double& value : line) value /= optics.wavelength_um;
   const double aperture = optics.apodisation ? optics.numerical_aperture : 0;
-  const auto apodised = [aperture](double x, double y) {
-    return 1 / std::sqrt(std::sqrt(1 - aperture * aperture * (x * x + y * y)));
+  const double edge_loss = optics.pupil_edge_loss;
+  const bool even = aperture == 0 && edge_loss == 0;
+  const auto apodised = [aperture, edge_loss](double x, double y) {
+    const double square = x * x + y * y;
+    return (1 - edge_loss * square) / std::sqrt(std::sqrt(1 - aperture * aperture * square));
   };
 
   double energy = 0;
@@ -154,12 +160,12 @@ ImageSamples::ImageSamples(const OpticsDescription& optics, int size, double ste
       std::fill(from_.begin(), from_.end(), 0.0);
       if (filled >= 0) {
         const int count = 2 * filled + 1;
-        pupil_row(row_at(turns, j * spacing, spacing, aperture), -filled,
+        pupil_row(row_at(turns, j * spacing, spacing, aperture, edge_loss), -filled,
                   (count + pupil_row_step - 1) / pupil_row_step * pupil_row_step, made.data());
         std::copy_n(made.begin() + filled, filled + 1, from_.begin());
         std::copy_n(made.begin(), filled, from_.end() - filled);
-        if (aperture == 0) energy += count;
-        for (int i = -filled; aperture != 0 && i <= filled; ++i) {
+        if (even) energy += count;
+        for (int i = -filled; !even && i <= filled; ++i) {
           const double strength = apodised(i * spacing, j * spacing);
           energy += strength * strength;
         }

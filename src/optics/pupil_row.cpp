@@ -72,12 +72,14 @@ Vector sinc(Vector x) {
 
 void pupil_row_loop(const PupilRow& row, int first, int count, double* out) {
   const Tag d;
-  const auto one = hn::Set(d, 1.0), spacing = hn::Set(d, row.spacing);
+  const auto spacing = hn::Set(d, row.spacing);
   for (int n = 0; n < count; n += static_cast<int>(hn::Lanes(d))) {
     const auto x = hn::Mul(hn::Iota(d, static_cast<double>(first + n)), spacing);
+    const auto square = hn::Mul(x, x);
     const auto left =
-        hn::Sub(hn::Set(d, 1 - row.sine_square_y), hn::Mul(hn::Set(d, row.sine_square), hn::Mul(x, x)));
-    auto amplitude = hn::Div(one, hn::Sqrt(hn::Sqrt(left)));
+        hn::Sub(hn::Set(d, 1 - row.sine_square_y), hn::Mul(hn::Set(d, row.sine_square), square));
+    const auto passed = hn::Sub(hn::Set(d, 1 - row.edge_loss_y), hn::Mul(hn::Set(d, row.edge_loss), square));
+    auto amplitude = hn::Div(passed, hn::Sqrt(hn::Sqrt(left)));
     amplitude = hn::Mul(amplitude, sinc(polynomial(row.slope_x, x)));
     amplitude = hn::Mul(amplitude, sinc(polynomial(row.slope_y, x)));
     const Wave phase = wave(polynomial(row.turns, x));

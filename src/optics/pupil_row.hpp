@@ -9,12 +9,13 @@ namespace atomcam {
 
 /// One row of the pupil: the wavefront in turns is the polynomial `turns` of x, and its slopes, in turns from
 /// one sample to the next, are the polynomials `slope_x` and `slope_y`. The amplitude is (1 - sine_square_y -
-/// sine_square x^2)^(-1/4), the sine condition's; 1 where both are 0.
+/// sine_square x^2)^(-1/4), the sine condition's, times (1 - edge_loss_y - edge_loss x^2).
 struct PupilRow {
   std::array<double, 5> turns;
   std::array<double, 4> slope_x, slope_y;
   double spacing;  // of samples, in aperture radii
   double sine_square, sine_square_y;
+  double edge_loss, edge_loss_y;
 };
 
 /// Samples are made in multiples of this.

@@ -13,6 +13,7 @@ namespace atomcam {
 namespace {
 
 constexpr double defocus_step_um = 0.002;
+constexpr double edge_loss_step = 0.004;
 constexpr std::size_t batch = 4096;       // photons whose random words are drawn at once
 constexpr double most_smeared = 1000000;  // electrons of an emitter's streak: far beyond any camera's
 
@@ -92,7 +93,8 @@ class EmitterLanding {
     if (!(mean > 0)) return;
     RandomStream count_stream(keys.electrons, landing_.frame, block);
     const std::int64_t count = sample_poisson(count_stream, mean);
-    const PointSpreadFunction& point_spread = landing_.point_spread->at(emitter.defocus_um);
+    const PointSpreadFunction& point_spread =
+        landing_.point_spread->at(emitter.defocus_um, light_.pupil_edge_loss);
     const double centre_x = emitter.x_px + light_.shift_x_px, centre_y = emitter.y_px + light_.shift_y_px;
     const BlurAxes blur(emitter, landing_.pixels_per_um);
     RandomStream landing_stream(keys.landing, landing_.frame, block);
@@ -268,11 +270,16 @@ SharedFunction shared_function(const FunctionKey& key) {
 
 }  // namespace
 
-const PointSpreadFunction& PointSpreadFunctions::at(double defocus_um) const {
-  const int step = static_cast<int>(std::lround(defocus_um / defocus_step_um));
+const PointSpreadFunction& PointSpreadFunctions::at(double defocus_um, double pupil_edge_loss) const {
+  const std::pair steps(static_cast<int>(std::lround(defocus_um / defocus_step_um)),
+                        static_cast<int>(std::lround(pupil_edge_loss / edge_loss_step)));
   const std::lock_guard lock(mutex_);
-  auto& function = by_defocus_[step];
-  if (!function) function = shared_function({optics_, step, blur_um_});
+  auto& function = made_[steps];
+  if (!function) {
+    OpticsDescription optics = optics_;
+    optics.pupil_edge_loss = steps.second * edge_loss_step;
+    function = shared_function({optics, steps.first, blur_um_});
+  }
   return *function;
 }
 
@@ -322,7 +329,7 @@ void Landing::add_expected(PhotonImage& image) const {
   for (const Emitter& emitter : *light->emitters) {
     const double x = emitter.x_px + light->shift_x_px, y = emitter.y_px + light->shift_y_px;
     const double electrons = expected_electrons(emitter);
-    const PointSpreadFunction& function = point_spread->at(emitter.defocus_um);
+    const PointSpreadFunction& function = point_spread->at(emitter.defocus_um, light->pupil_edge_loss);
     const BlurAxes blur(emitter, pixels_per_um);
     const auto add = [&](double share, double dx, double dy) {
       function.add_expected(atoms, electrons * share, x + dx, y + dy, region.offset_x, region.offset_y,

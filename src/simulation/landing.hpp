@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "effects/effect.hpp"
@@ -17,20 +18,20 @@
 
 namespace atomcam {
 
-/// Point-spread functions of one optical setting by extra defocus, each built on first use and kept; labs
-/// with the same optics share them.
+/// Point-spread functions of one optical setting by extra defocus and loss at the pupil's edge, each built on
+/// first use and kept; labs with the same optics share them.
 class PointSpreadFunctions {
  public:
   PointSpreadFunctions(const OpticsDescription& optics, double blur_um)
       : optics_(optics), blur_um_(blur_um) {}
-  /// The function for the nearest multiple of 0.002 um rms of extra defocus.
-  const PointSpreadFunction& at(double defocus_um) const;
+  /// The function for the nearest multiples of 0.002 um rms of extra defocus and of 0.004 of loss.
+  const PointSpreadFunction& at(double defocus_um, double pupil_edge_loss) const;
 
  private:
   OpticsDescription optics_;
   double blur_um_;
   mutable std::mutex mutex_;
-  mutable std::map<int, std::shared_ptr<const PointSpreadFunction>> by_defocus_;
+  mutable std::map<std::pair<int, int>, std::shared_ptr<const PointSpreadFunction>> made_;
 };
 
 /// Where light falls and how much of it counts.

@@ -313,6 +313,11 @@ def field_tilt_defocus(s, k):
 
 
 @effect("optics")
+def pupil_apodisation(s, k):
+    s.apodisation += 0.2 * k
+
+
+@effect("optics")
 def vibration_jitter(s, k):
     """A slow line motion, and a fast one on the round, of other directions."""
     rms = 0.3 * k

@@ -99,7 +99,7 @@ TEST(Catalogue, DeclaresWhatEveryoneNeeds) {
       EXPECT_FALSE(parameter.meaning.empty()) << effect.name << "." << parameter.key;
     }
   }
-  EXPECT_EQ(names.size(), 27u);
+  EXPECT_EQ(names.size(), 28u);
 }
 
 TEST(Noise, ThatWandersHasUnitVarianceAtAnyFrame) {

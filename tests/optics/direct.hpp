@@ -59,7 +59,8 @@ class DirectPointSpread {
                          a[13] * std::sqrt(10.0) * std::pow(r, 4) * std::cos(4 * t) +
                          a[14] * std::sqrt(10.0) * std::pow(r, 4) * std::sin(4 * t);
         const double sine = optics.numerical_aperture * r;
-        const double amplitude = optics.apodisation ? std::pow(1 - sine * sine, -0.25) : 1;
+        const double amplitude = (optics.apodisation ? std::pow(1 - sine * sine, -0.25) : 1) *
+                                 (1 - optics.pupil_edge_loss * r * r);
         const double area = ring.weight * r * 2 * std::numbers::pi / spokes;
         energy += area * amplitude * amplitude;
         rays_.push_back(

@@ -124,6 +124,9 @@ std::vector<Case> cases() {
   optics.apodisation = true;
   optics.numerical_aperture = 0.9;
   all.push_back({"apodised", optics});
+  optics = with(7, 0.06);
+  optics.pupil_edge_loss = 0.6;
+  all.push_back({"dimmed edge", optics});
   optics = with(3, 0.15);  // contrast is reversed at some frequencies
   all.push_back({"strong defocus", optics});
   optics.magnification = 8;  // pixels wider than the image of a point

@@ -20,17 +20,24 @@ std::complex<double> plain(const PupilRow& row, double x) {
     for (std::size_t i = coefficients.size(); i-- > 0;) sum = sum * x + coefficients[i];
     return sum;
   };
-  const double amplitude = 1 / std::sqrt(std::sqrt(1 - row.sine_square_y - row.sine_square * x * x));
+  const double amplitude = (1 - row.edge_loss_y - row.edge_loss * x * x) /
+                           std::sqrt(std::sqrt(1 - row.sine_square_y - row.sine_square * x * x));
   const double turns = at(row.turns);
   return amplitude * sinc(at(row.slope_x)) * sinc(at(row.slope_y)) *
          std::complex(math::cos_turns(turns), math::sin_turns(turns));
 }
 
 TEST(PupilRow, IsThePlainPupilOnEveryInstructionSet) {
-  PupilRow row{
-      {0.1, -3.0, 2.5, 0.7, -1.9}, {0.01, -0.2, 0.05, 0.3}, {0.4, 0.02, 0, -0.1}, 1.0 / 41, 0.42, 0.1};
+  PupilRow row{{0.1, -3.0, 2.5, 0.7, -1.9},
+               {0.01, -0.2, 0.05, 0.3},
+               {0.4, 0.02, 0, -0.1},
+               1.0 / 41,
+               0.42,
+               0.1,
+               0.5,
+               0.2};
   for (const bool apodised : {true, false}) {
-    if (!apodised) row.sine_square = row.sine_square_y = 0;
+    if (!apodised) row.sine_square = row.sine_square_y = row.edge_loss = row.edge_loss_y = 0;
     std::vector<std::complex<double>> first_set;
     on_every_instruction_set([&](const char* name) {
       SCOPED_TRACE(name);

@@ -12,9 +12,9 @@
 namespace atomcam {
 namespace {
 
-class Smear : public testing::Test {
+class LandingLight : public testing::Test {
  protected:
-  Smear() : functions_(optics_, 0) {
+  LandingLight() : functions_(optics_, 0) {
     light_.emitters = &emitters_;
     landing_ = {.point_spread = &functions_,
                 .light = &light_,
@@ -40,6 +40,21 @@ class Smear : public testing::Test {
   Landing landing_;
   std::int64_t detected_ = 0;
 };
+
+using Smear = LandingLight;
+using Apodisation = LandingLight;
+
+TEST_F(Apodisation, IsThePupilsOwn) {
+  PhotonImage seen(landing_.plane()), own(landing_.plane());
+  light_.pupil_edge_loss = 0.4;
+  landing_.add_expected(seen);
+  optics_.pupil_edge_loss = 0.4;
+  PointSpreadFunction(optics_).add_expected(own, 400, 20, 12);
+  for (std::size_t i = 0; i < own.pixels().size(); ++i) EXPECT_EQ(seen.pixels()[i], own.pixels()[i]);
+  // What is beyond the first dark ring (4.2 pixels) is fainter.
+  const PointSpreadFunction even(OpticsDescription{}), dimmed(optics_);
+  EXPECT_LT(1 - dimmed.fraction_within(6), 0.8 * (1 - even.fraction_within(6)));
+}
 
 TEST_F(Smear, HasTheExpectedImage) {
   light_.smear_from_above = 0.01;

@@ -62,16 +62,24 @@ bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen:
              std::max({clear, 0.4 * z.cwiseAbs().maxCoeff(), largest(battery, z, lines)});
 }
 
-/// Frames whose level away from the sites varies, and with it their noise, while that of dark frames does
-/// not: it is light that varies, with its shot noise.
+/// Frames whose level away from the sites varies, while that of dark frames does not, and with it their noise
+/// or from every frame to the next: it is light that varies, with its shot noise if there is enough of it. A
+/// few frames that stand out may be missing among the dark ones by chance.
 bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, quiet = 4;
   const double level = largest(battery, z, [&](const auto& one) {
     return !one.darks && (has(one, ".frames.level.") || has(one, ".frames.linear_level."));
   });
-  return level > std::max(clear, 0.4 * z.cwiseAbs().maxCoeff()) &&
-         largest(battery, z, [&](const auto& one) { return !one.darks && has(one, ".frames.noise."); }) >
-             std::max(clear, 0.3 * level) &&
+  const auto of_level = [&](std::string_view what) {
+    return largest(battery, z, [&](const auto& one) {
+      return !one.darks && has(one, ".frames.level.") && std::string_view(one.name).ends_with(what);
+    });
+  };
+  const double noise =
+      largest(battery, z, [&](const auto& one) { return !one.darks && has(one, ".frames.noise."); });
+  const bool with_noise = noise > std::max(clear, 0.3 * level),
+             every_frame = of_level(".steps") > std::max(clear, 0.5 * level) && of_level(".largest") < quiet;
+  return level > std::max(clear, 0.4 * z.cwiseAbs().maxCoeff()) && (with_noise || every_frame) &&
          largest(battery, z, [&](const auto& one) { return one.darks && has(one, ".frames."); }) < quiet;
 }
 

@@ -783,7 +783,7 @@ def write_tiff(path, frames):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--out", type=Path, required=True, help="folder to write")
+    parser.add_argument("-o", "--out", type=Path, help="folder to write")
     parser.add_argument("-n", "--stacks", type=int, default=10, help="how many (10)")
     parser.add_argument("--seed", type=int, default=1, help="of the series (1)")
     parser.add_argument("--frames", type=int, default=300, help="of a stack (300)")
@@ -800,6 +800,8 @@ def main():
         for name, (stage, cameras, _) in EFFECTS.items():
             print(f"{name:30} {stage:7} {'' if name in MEMBER else 'unlisted':9} {' '.join(cameras)}")
         return
+    if options.out is None:
+        parser.error("-o: which folder to write")
     (options.out / "seals").mkdir(parents=True, exist_ok=True)
     pool = [name for name in EFFECTS if (name in MEMBER) != options.unlisted]
     for number in range(options.stacks):

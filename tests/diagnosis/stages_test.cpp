@@ -51,14 +51,24 @@ TEST(Stages, FramesWithMoreLightThanOthersAreTheLights) {
       {"light.frames.level.variance", "frame_means", "time", "dark pixels", false},
       {"light.frames.noise.variance", "frame_means", "time", "dark pixels", false},
       {"light.neighbours.all.down_2", "vertical_correlation", "space", "all pixels", false},
-      {"dark.frames.level.variance", "frame_means", "time", "dark pixels", true}};
-  const auto stage = [&](double level, double noise, double neighbours, double darks) {
-    return stage_of_differences(frames, Eigen::Vector4d(level, noise, neighbours, darks), {});
+      {"dark.frames.level.variance", "frame_means", "time", "dark pixels", true},
+      {"light.frames.level.steps", "frame_means", "time", "dark pixels", false},
+      {"light.frames.level.largest", "frame_means", "time", "dark pixels", false}};
+  const auto stage = [&](double level, double noise, double neighbours, double darks, double steps = 0,
+                         double highest = 0) {
+    Eigen::VectorXd z(6);
+    z << level, noise, neighbours, darks, steps, highest;
+    return stage_of_differences(frames, z, {});
   };
   EXPECT_EQ(stage(50, 40, 80, 1), "optics");
   EXPECT_EQ(stage(50, 1, 80, 1), "sensor");    // an offset has no shot noise
   EXPECT_EQ(stage(50, 40, 80, 30), "sensor");  // also with the shutter closed
   EXPECT_EQ(stage(9, 9, 80, 1), "sensor");     // the least part of it
+  // Light on the ground of so much that its own noise hardly changes.
+  EXPECT_EQ(stage(20, 3, 4, 1, 15), "optics");
+  EXPECT_EQ(stage(20, 3, 4, 1, 2), "sensor");       // it wanders: the dark frames had their own time
+  EXPECT_EQ(stage(20, 3, 4, 1, 15, 12), "sensor");  // some frames only
+  EXPECT_EQ(stage(20, 3, 4, 12, 15), "sensor");
 }
 
 TEST(Stages, PatternsThatMoveInLightOnlyAreOfTheLight) {
@@ -89,6 +99,20 @@ TEST(Stages, ChargeThatGathersInLightOnlyIsAtoms) {
   EXPECT_EQ(stage(90, 40, 30), "sensor");  // radiation
   EXPECT_EQ(stage(20, 60, 1), "sensor");
   EXPECT_NE(stage(90, 40, 1, 50), "scene");  // an image that moves
+}
+
+TEST(Stages, SitesThatLoadUnevenlyAreTheScenes) {
+  const std::vector<StatisticDeclaration> filling = {
+      {"light.sites.filling_by_site.spread", "site_histogram", "site", "all sites", false},
+      {"light.temporal_maps.gradient_y", "variance_map", "space", "whole frame", false},
+      {"light.temporal_maps.quiet", "variance_map", "space", "whole frame", false},
+      {"light.temporal_maps.variance_spread", "variance_map", "space", "whole frame", false}};
+  const auto stage = [&](double spread, double noise) {
+    return stage_of_differences(filling, Eigen::Vector4d(spread, noise, noise, noise), {});
+  };
+  EXPECT_EQ(stage(15, 13), "scene");
+  EXPECT_EQ(stage(15, 20), "sensor");  // not the foremost
+  EXPECT_EQ(stage(7, 7.5), "sensor");
 }
 
 TEST(Stages, ImagesThatAreDisplacedButNoWiderAreOfAtomsElsewhere) {

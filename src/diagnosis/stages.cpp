@@ -39,7 +39,8 @@ bool light_flickers(const std::vector<StatisticDeclaration>& battery, const Eige
 }
 
 /// Mean and noise that slope across the frame with the shutter open, while the noise does not with it closed:
-/// the light slopes, and its shot noise with it.
+/// the light slopes, and its shot noise with it. Not where sites are odd far beyond that: it is the atoms'
+/// own light that slopes, and the noise about them.
 bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, seen = 5, quiet = 4;
   const auto slope = [](const StatisticDeclaration& one) {
@@ -53,13 +54,18 @@ bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen:
   const auto noise = [&](const StatisticDeclaration& one) {
     return slope(one) && has(one, ".temporal_maps.");
   };
+  constexpr double far_beyond = 2;
+  const auto sites = [](const StatisticDeclaration& one) {
+    return stage_of_observable(one.observable, one.darks) == "scene";
+  };
   const auto mean = [&](const StatisticDeclaration& one) {
     return slope(one) && !one.darks && one.observable == "mean_map";
   };
   return largest(battery, z, [&](const auto& one) { return one.darks && noise(one); }) < quiet &&
          largest(battery, z, mean) > seen &&
          largest(battery, z, [&](const auto& one) { return !one.darks && noise(one); }) >
-             std::max({clear, 0.4 * z.cwiseAbs().maxCoeff(), largest(battery, z, lines)});
+             std::max({clear, 0.4 * z.cwiseAbs().maxCoeff(), largest(battery, z, lines),
+                       largest(battery, z, sites) / far_beyond});
 }
 
 /// Frames whose level away from the sites varies, while that of dark frames does not, and with it their noise

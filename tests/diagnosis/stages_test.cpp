@@ -32,10 +32,12 @@ TEST(Stages, NoiseThatSlopesWithTheMeanInLightOnlyIsTheLights) {
       {"light.temporal_maps.noisiest", "variance_map", "space", "whole frame", false},
       {"light.static_charge.gradient_y", "mean_map", "space", "whole frame", false},
       {"dark.temporal_maps.gradient_y", "variance_map", "space", "whole frame", true},
-      {"light.temporal_maps.columns", "variance_map", "space", "columns", false}};
-  const auto stage = [&](double noise, double noisiest, double mean, double darks, double columns = 0) {
-    Eigen::VectorXd z(5);
-    z << noise, noisiest, mean, darks, columns;
+      {"light.temporal_maps.columns", "variance_map", "space", "columns", false},
+      {"light.sites.partial", "site_histogram", "intensity", "all sites", false}};
+  const auto stage = [&](double noise, double noisiest, double mean, double darks, double columns = 0,
+                         double sites = 0) {
+    Eigen::VectorXd z(6);
+    z << noise, noisiest, mean, darks, columns, sites;
     return stage_of_differences(slopes, z, {});
   };
   EXPECT_EQ(stage(50, 70, 10, 1), "optics");
@@ -44,6 +46,8 @@ TEST(Stages, NoiseThatSlopesWithTheMeanInLightOnlyIsTheLights) {
   EXPECT_EQ(stage(20, 70, 10, 1), "sensor");
   EXPECT_EQ(stage(50, 70, 10, 1, 20), "optics");
   EXPECT_EQ(stage(50, 70, 10, 1, 60), "sensor");  // some columns that are dead
+  EXPECT_EQ(stage(35, 0, 6, 1, 0, 60), "optics");
+  EXPECT_EQ(stage(35, 0, 6, 1, 0, 75), "scene");  // the atoms' own light
 }
 
 TEST(Stages, FramesWithMoreLightThanOthersAreTheLights) {

@@ -149,6 +149,14 @@ bool sites_load_unevenly(const std::vector<StatisticDeclaration>& battery, const
          std::max(clear, beside * z.cwiseAbs().maxCoeff());
 }
 
+/// Light far above and below the sites, in their columns, more than anything else: charge that is shifted
+/// while it is lit. The columns it leaves are a pattern of the mean, as stray light would leave.
+bool columns_smear(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.9;
+  return largest(battery, z, [](const auto& one) { return one.observable == "column_smear"; }) >
+         std::max(clear, beside * z.cwiseAbs().maxCoeff());
+}
+
 /// What an image is around a site, far more than anything else: the shape itself, not where it is nor the
 /// charge that trails behind it.
 bool images_change_shape(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
@@ -202,6 +210,7 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
                light_ripples(battery, z)))
     return "optics";
   if (sites_load_unevenly(battery, z)) return "scene";
+  if (columns_smear(battery, z)) return "sensor";
   if (images_change_shape(battery, z)) return "optics";
   if (both && light_gathers(battery, z)) return "scene";
   if (sites_are_displaced(battery, z)) return field_is_displaced(battery, z) ? "optics" : "scene";

@@ -119,6 +119,20 @@ TEST(Stages, SitesThatLoadUnevenlyAreTheScenes) {
   EXPECT_EQ(stage(7, 7.5), "sensor");
 }
 
+TEST(Stages, LightAboveAndBelowSitesIsTheSensors) {
+  const std::vector<StatisticDeclaration> columns = {
+      {"light.far_light.down", "column_smear", "space", "columns", false},
+      {"light.static_offsets.peak_oblique", "mean_map", "frequency", "whole frame", false},
+      {"light.static_offsets.saddle", "mean_map", "space", "whole frame", false},
+      {"light.far_light.ghost.shifted", "point_spread_halo", "space", "whole frame", false}};
+  const auto stage = [&](double smear, double pattern) {
+    return stage_of_differences(columns, Eigen::Vector4d(smear, pattern, -pattern, pattern), {});
+  };
+  EXPECT_EQ(stage(9, 8), "sensor");
+  EXPECT_EQ(stage(9, 12), "optics");  // not the foremost
+  EXPECT_EQ(stage(7, 6), "optics");
+}
+
 TEST(Stages, ImagesThatAreDisplacedButNoWiderAreOfAtomsElsewhere) {
   const std::vector<StatisticDeclaration> images = {
       {"light.point_spread.x.spread", "point_spread_field", "shape", "all sites", false},

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "optics/pupil.hpp"
 #include "optics/sinc.hpp"
 #include "optics/zernike.hpp"
 
@@ -40,12 +41,9 @@ PupilImage::PupilImage(const OpticsDescription& optics, int radius_px, int sampl
       const double x = (i - (samples - 1) / 2.0) * spacing, y = (j - (samples - 1) / 2.0) * spacing;
       const double share = share_inside(x, y, spacing);
       if (share == 0) continue;
-      double strength = share;
-      if (optics.apodisation) {
-        const double sine_square =
-            std::min(0.999, optics.numerical_aperture * optics.numerical_aperture * (x * x + y * y));
-        strength /= std::sqrt(std::sqrt(1 - sine_square));
-      }
+      // The centre of a square that is cut may lie outside the aperture, where the amplitude has no end.
+      const double most = 0.999 / (optics.numerical_aperture * optics.numerical_aperture);
+      const double strength = share * pupil_amplitude(optics, std::min(most, x * x + y * y));
       strength_(j, i) = strength;
       energy += strength * strength / share;
       const auto values = zernike_values(x, y);

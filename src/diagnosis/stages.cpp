@@ -42,7 +42,7 @@ bool light_flickers(const std::vector<StatisticDeclaration>& battery, const Eige
 /// the light slopes, and its shot noise with it. Not where sites are odd far beyond that: it is the atoms'
 /// own light that slopes, and the noise about them.
 bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 8, seen = 5, quiet = 4;
+  constexpr double clear = 8, seen = 5, quiet = 4, far_beyond = 2;
   const auto slope = [](const StatisticDeclaration& one) {
     const std::string_view last = std::string_view(one.name).substr(one.name.rfind('.') + 1);
     return last == "gradient_x" || last == "gradient_y" || last == "left_right" || last == "top_bottom";
@@ -54,7 +54,6 @@ bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen:
   const auto noise = [&](const StatisticDeclaration& one) {
     return slope(one) && has(one, ".temporal_maps.");
   };
-  constexpr double far_beyond = 2;
   const auto sites = [](const StatisticDeclaration& one) {
     return stage_of_observable(one.observable, one.darks) == "scene";
   };
@@ -76,15 +75,14 @@ bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen
   const double level = largest(battery, z, [&](const auto& one) {
     return !one.darks && (has(one, ".frames.level.") || has(one, ".frames.linear_level."));
   });
-  const auto of_level = [&](std::string_view what) {
-    return largest(battery, z, [&](const auto& one) {
-      return !one.darks && has(one, ".frames.level.") && std::string_view(one.name).ends_with(what);
-    });
+  const auto of = [&](std::string_view name) {
+    return largest(battery, z, [&](const auto& one) { return one.name == name; });
   };
   const double noise =
       largest(battery, z, [&](const auto& one) { return !one.darks && has(one, ".frames.noise."); });
   const bool with_noise = noise > std::max(clear, 0.3 * level),
-             every_frame = of_level(".steps") > std::max(clear, 0.5 * level) && of_level(".largest") < quiet;
+             every_frame = of("light.frames.level.steps") > std::max(clear, 0.5 * level) &&
+                           of("light.frames.level.largest") < quiet;
   return level > std::max(clear, 0.4 * z.cwiseAbs().maxCoeff()) && (with_noise || every_frame) &&
          largest(battery, z, [&](const auto& one) { return one.darks && has(one, ".frames."); }) < quiet;
 }
@@ -141,20 +139,24 @@ bool field_is_displaced(const std::vector<StatisticDeclaration>& battery, const 
          }) > clear;
 }
 
-/// Sites that hold an atom more or less often than others, more than anything else: loading. The light's
-/// noise over the frame follows; nothing behind the atoms does this.
-bool sites_load_unevenly(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+/// Clearly odd, and as odd as anything else or nearly so.
+template <class Counts>
+bool foremost(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
+              const Counts& counts) {
   constexpr double clear = 8, beside = 0.9;
-  return largest(battery, z, [](const auto& one) { return has(one, ".sites.filling_by_site."); }) >
-         std::max(clear, beside * z.cwiseAbs().maxCoeff());
+  return largest(battery, z, counts) > std::max(clear, beside * z.cwiseAbs().maxCoeff());
 }
 
-/// Light far above and below the sites, in their columns, more than anything else: charge that is shifted
-/// while it is lit. The columns it leaves are a pattern of the mean, as stray light would leave.
-bool columns_smear(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 8, beside = 0.9;
-  return largest(battery, z, [](const auto& one) { return one.observable == "column_smear"; }) >
-         std::max(clear, beside * z.cwiseAbs().maxCoeff());
+/// Whether sites hold an atom more or less often than others: loading. The light's noise over the frame
+/// follows; nothing behind the atoms does this.
+bool is_loading(const StatisticDeclaration& one) {
+  return has(one, ".sites.filling_by_site.");
+}
+
+/// Light far above and below the sites, in their columns: charge that is shifted while it is lit. The columns
+/// it leaves are a pattern of the mean, as stray light would leave.
+bool is_smear(const StatisticDeclaration& one) {
+  return one.observable == "column_smear";
 }
 
 /// What an image is around a site, far more than anything else: the shape itself, not where it is nor the
@@ -209,8 +211,8 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_flashes(battery, z) ||
                light_ripples(battery, z)))
     return "optics";
-  if (sites_load_unevenly(battery, z)) return "scene";
-  if (columns_smear(battery, z)) return "sensor";
+  if (foremost(battery, z, is_loading)) return "scene";
+  if (foremost(battery, z, is_smear)) return "sensor";
   if (images_change_shape(battery, z)) return "optics";
   if (both && light_gathers(battery, z)) return "scene";
   if (sites_are_displaced(battery, z)) return field_is_displaced(battery, z) ? "optics" : "scene";

@@ -107,6 +107,12 @@ constexpr int rows_at_once = 8;
 
 }  // namespace
 
+double pupil_amplitude(const OpticsDescription& optics, double radius_square) {
+  const double aperture = optics.apodisation ? optics.numerical_aperture : 0;
+  return (1 - optics.pupil_edge_loss * radius_square) /
+         std::sqrt(std::sqrt(1 - aperture * aperture * radius_square));
+}
+
 RayReach ray_reach(const OpticsDescription& optics) {
   const auto zernike_um = without_tilt(optics.zernike_um);
   double largest = 0, sum = 0, weight = 0;
@@ -141,10 +147,7 @@ ImageSamples::ImageSamples(const OpticsDescription& optics, int size, double ste
   const double aperture = optics.apodisation ? optics.numerical_aperture : 0;
   const double edge_loss = optics.pupil_edge_loss;
   const bool even = aperture == 0 && edge_loss == 0;
-  const auto apodised = [aperture, edge_loss](double x, double y) {
-    const double square = x * x + y * y;
-    return (1 - edge_loss * square) / std::sqrt(std::sqrt(1 - aperture * aperture * square));
-  };
+  const auto apodised = [&optics](double x, double y) { return pupil_amplitude(optics, x * x + y * y); };
 
   double energy = 0;
   const int rows = 2 * reach_ + 1;

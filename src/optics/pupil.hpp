@@ -11,6 +11,9 @@
 
 namespace atomcam {
 
+/// Amplitude in the pupil at this squared radius (aperture: 1), beside the centre's.
+double pupil_amplitude(const OpticsDescription& optics, double radius_square);
+
 /// How far rays leave the geometric image, in diffraction units: the wavefront's slope over the wavelength.
 struct RayReach {
   double rms, largest;

@@ -9,6 +9,7 @@
 #include "base/error.hpp"
 #include "base/quantile.hpp"
 #include "calibration/count_start.hpp"
+#include "calibration/line_pattern.hpp"
 #include "calibration/parameter_table.hpp"
 #include "calibration/site_model.hpp"
 #include "calibration/site_transfer.hpp"
@@ -44,6 +45,7 @@ class Calibrator {
   explicit Calibrator(const CalibrationInput& input)
       : input_(input), notes_(input.notes), frames_(*input.frames, input.use) {
     check();
+    if (input.darks) selected_darks_.emplace(*input.darks, input.use);
   }
 
   Calibration run() {
@@ -52,11 +54,7 @@ class Calibrator {
     tell("reading frames", 0);
     const double noted_gain = notes_.em_gain / notes_.electrons_per_count;
     light_ = sum_stack_without_strikes(frames_, noted_gain);
-    if (input_.darks) {
-      const Selected darks(*input_.darks, input_.use);
-      dark_ = sum_stack_without_strikes(
-          darks.frames() >= 4 ? static_cast<const FrameSequence&>(darks) : *input_.darks, noted_gain);
-    }
+    if (input_.darks) dark_ = sum_stack_without_strikes(used_darks(), noted_gain);
     if (!input_.like) {
       check_stack(light_, "frames");
       if (input_.darks) {
@@ -130,18 +128,28 @@ class Calibrator {
         }
   }
 
-  // The dark frames, or the darkest pixels of the others.
+  const FrameSequence& used_darks() const {
+    return selected_darks_->frames() >= 4 ? static_cast<const FrameSequence&>(*selected_darks_)
+                                          : *input_.darks;
+  }
+
+  /// How often the dark frames have each count, or the darkest pixels of the others.
+  std::vector<std::uint64_t> dark_occurrences() {
+    if (!input_.darks && result_.has_sites) return darkest_pixels();
+    const StackSums& sums = input_.darks ? dark_ : light_;
+    const auto pattern = emccd() ? wide_line_pattern(sums) : std::nullopt;
+    if (!pattern) return sums.occurrences;
+    result_.warnings.push_back(
+        fmt::format("{}: rows and columns stand at levels {:.3g} counts apart (1 sigma), more than the noise "
+                    "of a pixel: taken off before the read noise is fitted",
+                    input_.darks ? "darks" : "frames", pattern->sigma_counts));
+    return occurrences_without(*pattern, input_.darks ? used_darks() : frames_);
+  }
+
   void fit_sensor() {
     electrons_per_count_ = notes_.electrons_per_count;
     em_gain_ = notes_.em_gain;
-    std::vector<std::uint64_t> occurrences;
-    if (input_.darks) {
-      occurrences = dark_.occurrences;
-    } else if (!result_.has_sites) {
-      occurrences = light_.occurrences;
-    } else {
-      occurrences = darkest_pixels();
-    }
+    const std::vector<std::uint64_t> occurrences = dark_occurrences();
     const CountStart seen = count_start(occurrences, std::max(0.5, notes_.read_noise_counts));
     bias_ = seen.bias_counts;
     noise_ = seen.read_noise_counts;
@@ -158,6 +166,7 @@ class Calibrator {
       options.serial = input_.full && multiplied();
       result_.counts =
           fit_dark_law(histogram_about(occurrences, seen, counts_per_electron()), start, options);
+      if (!input_.like && !input_.darks) check_dark_level(result_.counts.law, notes_);
       bias_ = result_.counts.law.bias_counts;
       noise_ = result_.counts.law.read_noise_counts;
       em_gain_ = result_.counts.law.em_gain;
@@ -660,6 +669,7 @@ class Calibrator {
   const CalibrationInput& input_;
   Notes notes_;
   Selected frames_;
+  std::optional<Selected> selected_darks_;
   Calibration result_;
   StackSums light_, dark_;
   std::vector<float> brightness_;

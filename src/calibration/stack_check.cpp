@@ -75,6 +75,19 @@ void check_darks(const StackSums& darks, const StackSums& light) {
                             dark, lit));
 }
 
+void check_dark_level(const CountLaw& dark, const Notes& notes) {
+  constexpr double higher = 2, wider = 10;
+  if (dark.bias_counts < higher * notes.bias_counts ||
+      dark.read_noise_counts < wider * std::max(1.0, notes.read_noise_counts))
+    return;
+  throw Error(
+      "frames",
+      fmt::format("even the darkest pixels are lit, {:.0f} counts with a noise of {:.0f}, where {} says "
+                  "bias_adu {:g} and read_noise_adu {:g}: darks are needed",
+                  dark.bias_counts, dark.read_noise_counts, notes.place, notes.bias_counts,
+                  notes.read_noise_counts));
+}
+
 void check_site_light(const MeanImage& mean, const OpticsFit& fitted) {
   constexpr double errors = 8, least_deviations = 4, pixels_of_site = 20;
   const int sites = fitted.lattice.sites();

@@ -3,6 +3,7 @@
 
 #include <string_view>
 
+#include "calibration/notes.hpp"
 #include "calibration/optics_fit.hpp"
 #include "calibration/sensor_fit.hpp"
 
@@ -14,6 +15,10 @@ void check_stack(const StackSums& sums, std::string_view place);
 
 /// Throws an Error at "darks" if they are brighter than the frames by more than a drift of the baseline.
 void check_darks(const StackSums& darks, const StackSums& light);
+
+/// Throws an Error at "darks" if what was taken for dark counts, without dark frames, lies far above the
+/// noted bias and is far wider than the noted read noise: it is light.
+void check_dark_level(const CountLaw& dark, const Notes& notes);
 
 /// Throws an Error at "frames" if the sites are no brighter than a lattice laid over noise would find them.
 void check_site_light(const MeanImage& mean, const OpticsFit& fitted);

@@ -147,6 +147,20 @@ bool foremost(const std::vector<StatisticDeclaration>& battery, const Eigen::Vec
   return largest(battery, z, counts) > std::max(clear, beside * z.cwiseAbs().maxCoeff());
 }
 
+/// Empty sites that all hold some light, and nothing else nearly as odd: light of the traps. Atoms that come
+/// and go during an exposure would show between empty and occupied, light of other atoms beyond the sites.
+bool empty_sites_glow(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.4;
+  const auto of_the_empty = [](const auto& one) {
+    return one.name == "light.sites.empty.mean" || has(one, ".sites.histogram.");
+  };
+  double glow = 0;
+  for (std::size_t k = 0; k < battery.size(); ++k)
+    if (battery[k].name == "light.sites.empty.mean") glow = z(static_cast<Eigen::Index>(k));
+  return glow > clear &&
+         largest(battery, z, [&](const auto& one) { return !of_the_empty(one); }) < beside * glow;
+}
+
 /// Whether sites hold an atom more or less often than others: loading. The light's noise over the frame
 /// follows; nothing behind the atoms does this.
 bool is_loading(const StatisticDeclaration& one) {
@@ -213,6 +227,7 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
     return "optics";
   if (foremost(battery, z, is_loading)) return "scene";
   if (foremost(battery, z, is_smear)) return "sensor";
+  if (empty_sites_glow(battery, z)) return "optics";
   if (images_change_shape(battery, z)) return "optics";
   if (both && light_gathers(battery, z)) return "scene";
   if (sites_are_displaced(battery, z)) return field_is_displaced(battery, z) ? "optics" : "scene";
@@ -252,8 +267,9 @@ std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaratio
   std::set<std::string_view> seen;
   for (std::size_t rank = 0; rank < order.size(); ++rank) {
     const StatisticDeclaration& statistic = battery[order[rank]];
-    // Beyond the first some, the strongest of every other observable that is odd.
-    const bool first = seen.insert(statistic.observable).second;
+    // Beyond the first some, the strongest of every other kind that is odd.
+    const std::string_view name = statistic.name;
+    const bool first = seen.insert(name.substr(0, name.rfind('.'))).second;
     if (rank >= listed && !(first && q[rank] < clearly)) continue;
     const auto at = static_cast<Eigen::Index>(order[rank]);
     Difference one;

@@ -190,6 +190,26 @@ TEST(Calibrate, LawsBeyondBeliefLeaveTheGainToTheLight) {
   EXPECT_LT(with_undershoot, 2.5);
 }
 
+// Lines that settle over many counts stand still: what they are apart is no read noise, nor the slope of
+// their settling a tail of electrons.
+TEST(Calibrate, LinesThatSettleAreNoReadNoise) {
+  Notes notes = rough_notes(true);
+  const Lab truth = true_lab(notes);
+  const auto settling = [&](std::span<std::uint16_t> row) {
+    for (std::size_t x = 0; x < row.size(); ++x)
+      row[x] = static_cast<std::uint16_t>(row[x] + 60 * std::exp(-static_cast<double>(x) / 8) + 0.5);
+  };
+  notes.grid.reset();
+  const auto darks = render(truth, 1000000, 100, false);
+  const FramesInMemory plain(darks), settled(changed(darks, settling));
+  const Calibration expected = calibrate(input_of(notes, plain)), found = calibrate(input_of(notes, settled));
+  EXPECT_TRUE(expected.warnings.empty());
+  ASSERT_EQ(found.warnings.size(), 1);
+  EXPECT_NE(found.warnings[0].find("rows and columns"), std::string::npos) << found.warnings[0];
+  EXPECT_NEAR(found.counts.law.read_noise_counts, expected.counts.law.read_noise_counts, 0.1);
+  EXPECT_NEAR(found.counts.law.em_gain / expected.counts.law.em_gain, 1, 0.1);
+}
+
 TEST(CalibrateErrors, SayWhatIsWrong) {
   const Notes notes = rough_notes(true);
   Lab lab = true_lab(notes);
@@ -202,6 +222,14 @@ TEST(CalibrateErrors, SayWhatIsWrong) {
   other = notes;
   other.grid->first_x_px = 500;
   EXPECT_NE(problem_with(other, enough).find("site_grid"), std::string::npos);
+  // Lit all over, and no darks.
+  other = notes;
+  other.grid.reset();
+  Lab bright = lab;
+  bright.scene.filling = 0;
+  bright.stray_light_photons_per_s = 3e3;
+  const FramesInMemory lit(render(bright, 0, 40, true));
+  EXPECT_NE(problem_with(other, lit).find("darks are needed"), std::string::npos);
   lab.scene.filling = 0;
   const FramesInMemory empty(render(lab, 0, 40, true));
   EXPECT_NE(problem_with(notes, empty).find("no light"), std::string::npos);

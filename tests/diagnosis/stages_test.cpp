@@ -119,6 +119,21 @@ TEST(Stages, SitesThatLoadUnevenlyAreTheScenes) {
   EXPECT_EQ(stage(7, 7.5), "sensor");
 }
 
+TEST(Stages, EmptySitesThatGlowAndNothingElseAreOfTheOptics) {
+  const std::vector<StatisticDeclaration> sites = {
+      {"light.sites.empty.mean", "site_brightness", "intensity", "all sites", false},
+      {"light.sites.histogram.p00", "site_histogram", "intensity", "all sites", false},
+      {"light.sites.partial", "site_histogram", "intensity", "all sites", false},
+      {"light.pixel_histogram.tail_fill", "pixel_histogram", "intensity", "dark pixels", false}};
+  const auto stage = [&](double empty, double partial) {
+    return stage_of_differences(sites, Eigen::Vector4d(empty, 15, partial, 3), {});
+  };
+  EXPECT_EQ(stage(11, -3.5), "optics");
+  EXPECT_EQ(stage(11, 6), "scene");  // atoms that leave before the end
+  EXPECT_EQ(stage(-11, 1), "scene");
+  EXPECT_EQ(stage(7, 1), "scene");
+}
+
 TEST(Stages, LightAboveAndBelowSitesIsTheSensors) {
   const std::vector<StatisticDeclaration> columns = {
       {"light.far_light.down", "column_smear", "space", "columns", false},

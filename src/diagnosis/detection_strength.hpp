@@ -31,10 +31,17 @@ class DetectionGround {
     double distance = 0;  // squared, from the plain model, in standard deviations along the effect's own way
   };
   Seen look(const EffectDeclaration& effect, ParameterValues values, double strength) const;
+  /// By how much some stacks' calibrations say more than the one that the plain model is about, on average.
+  Eigen::VectorXd mean_offset(const Lab& lab) const;
+  /// Mean statistics of plain stacks whose parameters are so far from the plain model's.
+  Eigen::VectorXd plain_middle(const Eigen::VectorXd& offset) const;
 
   Lab lab_;
+  Notes notes_;
   StackPlan plan_;
+  Calibration calibration_;
   Model plain_;
+  Eigen::VectorXd own_offset_, own_middle_;  // of stacks without an effect
 };
 
 }  // namespace atomcam

@@ -313,19 +313,25 @@ class Diagnoser {
   }
 
   /// Real cameras have several effects at once, some in no catalogue. One that has a law of its own is named
-  /// for what it explains in its own observables though others stay odd.
+  /// for what it explains in its own observables though others stay odd. So is any effect in frames without
+  /// atoms, if what it explains is most of what is odd: with atoms many effects look like a part of another.
   void explain_in_part() {
     const ScanViews real = views_of(*plain_.standard, as_vector(real_.whole));
-    constexpr double least_gap = 50;   // mean square of the largest deviations of these observables
+    constexpr double least_gap = 50,
+                     least_gap_without_law = 200;  // mean square of the largest deviations there
     constexpr double promising = 0.3;  // part of their squares, by the scan, which does not recalibrate
     constexpr double ahead = 0.15;     // of any other effect, of the gap
     constexpr double grown = 1.1;      // the gap elsewhere must not be
+    constexpr double foremost = 0.25;  // nor, beside what the effect explains, without a law of its own
+    const bool atoms = !plain_.lab.scene.sites.empty();
     for (const Scan& scan : scans_) {
-      if (!scan.effect->own_law) continue;
+      const bool own_law = scan.effect->own_law;
+      if (!own_law && atoms) continue;
       const std::vector<std::string>& observables = scan.effect->observables;
       const Eigen::VectorXd own = only_of(observables);
       const Eigen::VectorXd others = Eigen::VectorXd::Ones(own.size()) - own;
-      if (gap_of(plain_.z.cwiseProduct(own)) < least_gap) continue;
+      const double gap = gap_of(plain_.z.cwiseProduct(own));
+      if (gap < (own_law ? least_gap : least_gap_without_law)) continue;
       const PartMatch match = match_part(scan, own, real);
       if (match.share < promising) continue;
       std::vector<Model> judged = fit_in_part(scan, match, observables);
@@ -333,11 +339,11 @@ class Diagnoser {
       Model& model = judged.front();
       const Eigen::VectorXd elsewhere =
           in_larger_units(*model.standard, *plain_.standard).cwiseProduct(others);
-      const double closed = closed_by(model);
-      if (significant(model).empty() || closed < least_part_closed ||
-          gap_of(model.z.cwiseProduct(elsewhere)) > grown * gap_of(plain_.z.cwiseProduct(others)))
+      const double closed = closed_by(model), left = gap_of(model.z.cwiseProduct(elsewhere));
+      if (significant(model).empty() || closed < (own_law ? least_part_closed : least_closed_if_odd) ||
+          left > grown * gap_of(plain_.z.cwiseProduct(others)) || (!own_law && left > foremost * gap))
         continue;
-      if (closed_by_rival(scan, own, observables, real) > closed - ahead) continue;
+      if (closed_by_rival(scan, model, own, real) > closed - ahead) continue;
       accept(model, 0.5 + 0.5 * closed);
       result_.verdict = Verdict::partly_explained;
       result_.p_after = result_.p_gap;
@@ -399,9 +405,11 @@ class Diagnoser {
     return fit_and_judge(std::move(contenders), 0.95, 1);
   }
 
-  /// What the other effect that the scan finds most of in these observables closes of their gap.
-  double closed_by_rival(const Scan& scan, const Eigen::VectorXd& own,
-                         const std::vector<std::string>& observables, const ScanViews& real) {
+  /// What the other effect that the scan finds most of in these observables closes of their gap. Nothing if
+  /// it is far less likely all in all: what it does elsewhere is not there.
+  double closed_by_rival(const Scan& scan, const Model& model, const Eigen::VectorXd& own,
+                         const ScanViews& real) {
+    constexpr double far_less = 30;  // of the logarithmic likelihood
     const Scan* rival = nullptr;
     PartMatch best;
     for (const Scan& other : scans_)
@@ -410,8 +418,9 @@ class Diagnoser {
         best = std::move(match);
       }
     if (!rival) return 0;
-    const std::vector<Model> judged = fit_in_part(*rival, best, observables);
-    return judged.empty() ? 0 : closed_by(judged.front());
+    const std::vector<Model> judged = fit_in_part(*rival, best, model.explains);
+    if (judged.empty() || judged.front().log_likelihood < model.log_likelihood - far_less) return 0;
+    return closed_by(judged.front());
   }
 
   static Model& likeliest(std::vector<Model>& models) {

@@ -188,7 +188,7 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
   return open;
 }
 
-std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, double frame_px) {
+std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, double frame_px, double frames) {
   std::vector<Uncertain> open;
   const bool in_image = effect.plane == Plane::scene || effect.plane == Plane::photons;
   const ParameterValues defaults = [&] {
@@ -207,6 +207,7 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, double fram
     const bool logarithmic = strength || size || p.scale == ParameterScale::logarithmic;
     double low = p.minimum, most = p.maximum;
     if (in_image && p.unit == "px") most = std::min(most, std::max(2 * p.minimum, frame_px));
+    if (p.unit == "frames") most = std::min(most, std::max(2 * p.minimum, 2 * frames));
     double high = most;
     if (strength || size) {
       low = std::max(p.minimum, first.default_value / 20);

@@ -42,7 +42,7 @@ TEST(Fit, ReturnsFromAStepThatLedAstrayAndGoesWhereNobodyLooked) {
     model.lab = plain.lab;
     model.open = plain.open;
     model.first_effect_parameter = plain.first_effect_parameter;
-    for (Uncertain& one : effect_prior(*find_effect("row_noise"), 96)) {
+    for (Uncertain& one : effect_prior(*find_effect("row_noise"), 96, 300)) {
       one.centre = one.usual;
       one.width = 0.05 * (one.highest - one.lowest);
       model.open.push_back(std::move(one));

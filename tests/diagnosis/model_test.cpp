@@ -22,7 +22,7 @@ TEST(Model, AnEstimateKnownWorseThanByItsDrawsIsNotLedBeyondThem) {
 TEST(Model, AnEffectIsNotWhatItsLawDoesNotReach) {
   Model model;
   model.effects = {"frame_intensity_noise"};
-  model.open = effect_prior(*find_effect("frame_intensity_noise"), 64);
+  model.open = effect_prior(*find_effect("frame_intensity_noise"), 64, 300);
   ASSERT_EQ(model.open[1].name, "effects.frame_intensity_noise.correlation");
   const double most = find_effect("frame_intensity_noise")->parameters[1].maximum;
   model.estimate.setConstant(std::ssize(model.open), 0.5);

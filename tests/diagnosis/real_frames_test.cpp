@@ -1,8 +1,11 @@
 // Frames of a real EMCCD in the dark, from a folder that ATOMCAM_DATA names.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 
+#include "base/random.hpp"
+#include "base/samplers.hpp"
 #include "calibration/notes.hpp"
 #include "calibration/stack_frames.hpp"
 #include "diagnosis/diagnosis.hpp"
@@ -10,13 +13,10 @@
 namespace atomcam {
 namespace {
 
-TEST(RealFrames, ChargeBornInTheRegisterIsSeenAndNamed) {
-  const char* data = std::getenv("ATOMCAM_DATA");
-  if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
-  // The middle of the frames.
-  constexpr int size = 160;
-  const auto whole =
-      open_frames(std::filesystem::path(data) / "real" / "jqi-andor512-emccd" / "Background_*.tiff");
+constexpr int size = 160;
+
+std::vector<CountImage> middle_of_the_dark_frames(const std::filesystem::path& data) {
+  const auto whole = open_frames(data / "real" / "jqi-andor512-emccd" / "Background_*.tiff");
   std::vector<CountImage> middle;
   whole->visit([&](std::size_t, const CountImage& frame) {
     CountImage cut({size, size});
@@ -25,11 +25,21 @@ TEST(RealFrames, ChargeBornInTheRegisterIsSeenAndNamed) {
         cut(row, column) = frame(row + (frame.rows() - size) / 2, column + (frame.columns() - size) / 2);
     middle.push_back(std::move(cut));
   });
-  const FramesInMemory frames(std::move(middle));
-  const Notes notes = parse_notes(
+  return middle;
+}
+
+Notes notes_of_the_dark_frames() {
+  return parse_notes(
       R"({"camera": "iXon 897 EMCCD", "shape": [160, 160], "settings": {"em_gain": 100, "preamp_e_per_adu": 10,
           "bias_adu": 486, "read_noise_adu": 3, "cic_e": 0.3}})",
       "notes");
+}
+
+TEST(RealFrames, ChargeBornInTheRegisterIsSeenAndNamed) {
+  const char* data = std::getenv("ATOMCAM_DATA");
+  if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
+  const FramesInMemory frames(middle_of_the_dark_frames(data));
+  const Notes notes = notes_of_the_dark_frames();
   DiagnosisOptions options;
   options.threads = 2;
   options.include = {"row_noise"};
@@ -48,6 +58,31 @@ TEST(RealFrames, ChargeBornInTheRegisterIsSeenAndNamed) {
   EXPECT_NEAR(named.effects[0].parameters[0].value, 1, 0.2);
   EXPECT_GT(named.gap.part_closed, 0.75);
   EXPECT_TRUE(named.unexplained.present);
+}
+
+// Whatever else the frames have: rows that are moved by a count are found, with what they were moved by.
+TEST(RealFrames, NoiseOfRowsPlantedIntoThemIsNamed) {
+  const char* data = std::getenv("ATOMCAM_DATA");
+  if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
+  constexpr double sigma_counts = 1;
+  std::vector<CountImage> frames = middle_of_the_dark_frames(data);
+  RandomStream random(3, stream_id("planted"), 0, 0);
+  for (CountImage& frame : frames)
+    for (int row = 0; row < frame.rows(); ++row) {
+      const double moved = sigma_counts * sample_normal(random);
+      for (std::uint16_t& counts : frame.row(row))
+        counts = static_cast<std::uint16_t>(
+            std::lround(counts + moved + (static_cast<double>(random()) + 0.5) * 0x1p-32 - 0.5));
+    }
+  DiagnosisOptions options;
+  options.threads = 2;
+  options.include = {"row_noise", "emi_stripes"};
+  const Diagnosis found =
+      diagnose(notes_of_the_dark_frames(), FramesInMemory(std::move(frames)), nullptr, options);
+  EXPECT_EQ(found.verdict, Verdict::partly_explained) << found.sentence;
+  ASSERT_EQ(found.effects.size(), 1) << found.sentence;
+  EXPECT_EQ(found.effects[0].name, "row_noise");
+  EXPECT_NEAR(found.effects[0].parameters[0].value, sigma_counts, 0.1);
 }
 
 }  // namespace

@@ -299,7 +299,7 @@ struct PairModel {
     model.first_effect_parameter = 1;
     for (const char* name : {"row_noise", "stray_light_gradient"}) {
       model.effects.push_back(name);
-      for (Uncertain& one : effect_prior(*find_effect(name), 96)) {
+      for (Uncertain& one : effect_prior(*find_effect(name), 96, 300)) {
         one.width *= 0.1;
         model.open.push_back(std::move(one));
       }

@@ -32,14 +32,14 @@ TEST(Uncertain, FewDarkFramesLeaveAQcmosNoiseMoreOpen) {
 
 // One ray in a stack is as well known as ten in a frame: what is rare differs by orders of magnitude.
 TEST(Uncertain, RatesAreLookedForOverAllThatIsAllowed) {
-  const Uncertain rate = effect_prior(*find_effect("cosmic_rays"), 96).front();
+  const Uncertain rate = effect_prior(*find_effect("cosmic_rays"), 96, 300).front();
   EXPECT_NEAR(rate.value(rate.highest), find_effect("cosmic_rays")->parameters.front().maximum, 1e-6);
   EXPECT_LT(rate.value(rate.lowest), 0.01);
 }
 
 TEST(Uncertain, AFitMayLeadBeyondWhereAnEffectIsLookedForAndNoFartherThanItGoes) {
   const ParameterDeclaration& scale = find_effect("frame_transfer_smear")->parameters.front();
-  Uncertain one = effect_prior(*find_effect("frame_transfer_smear"), 96).front();
+  Uncertain one = effect_prior(*find_effect("frame_transfer_smear"), 96, 300).front();
   ASSERT_LT(one.value(one.highest), 0.5 * scale.maximum);
   one.width = 0.1;
   const double looked_for = one.highest;
@@ -53,14 +53,21 @@ TEST(Uncertain, AFitMayLeadBeyondWhereAnEffectIsLookedForAndNoFartherThanItGoes)
 
 // Fringes of which a part of one period is in view are no fringes: they would fit any shading.
 TEST(Uncertain, NoLengthInTheImageExceedsTheFrame) {
-  Uncertain period = effect_prior(*find_effect("etaloning_fringes"), 72)[1];
+  Uncertain period = effect_prior(*find_effect("etaloning_fringes"), 72, 300)[1];
   ASSERT_EQ(period.name, "effects.etaloning_fringes.period_px");
   EXPECT_NEAR(period.value(period.highest), 72, 1e-9);
   period.width = 0.1;
   period.make_room_at(period.highest + 1);
   EXPECT_NEAR(period.value(period.highest), 72, 1e-9);
   // A disturbance's period counts pixels as they are read, row after row.
-  EXPECT_GT(effect_prior(*find_effect("emi_stripes"), 72)[1].highest, std::log(600));
+  EXPECT_GT(effect_prior(*find_effect("emi_stripes"), 72, 300)[1].highest, std::log(600));
+}
+
+// Nor are drifts looked for that are slower than the stack shows: of such a one nothing but an offset is
+// seen, which calibration takes off.
+TEST(Uncertain, DriftsAreAsLongAsTheStackShows) {
+  EXPECT_NEAR(effect_prior(*find_effect("bias_drift"), 96, 40)[1].most, std::log(80), 1e-9);
+  EXPECT_NEAR(effect_prior(*find_effect("bias_drift"), 96, 300)[1].most, std::log(600), 1e-9);
 }
 
 }  // namespace

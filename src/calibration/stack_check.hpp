@@ -16,7 +16,7 @@ void check_stack(const StackSums& sums, std::string_view place);
 /// Throws an Error at "darks" if they are brighter than the frames by more than a drift of the baseline.
 void check_darks(const StackSums& darks, const StackSums& light);
 
-/// Throws an Error at "darks" if what was taken for dark counts, without dark frames, lies far above the
+/// Throws an Error at "frames" if what was taken for dark counts, without dark frames, lies far above the
 /// noted bias and is far wider than the noted read noise: it is light.
 void check_dark_level(const CountLaw& dark, const Notes& notes);
 

@@ -317,12 +317,12 @@ class Diagnoser {
   /// atoms, if what it explains is most of what is odd: with atoms many effects look like a part of another.
   void explain_in_part() {
     const ScanViews real = views_of(*plain_.standard, as_vector(real_.whole));
-    constexpr double least_gap = 50,
-                     least_gap_without_law = 200;  // mean square of the largest deviations there
-    constexpr double promising = 0.3;  // part of their squares, by the scan, which does not recalibrate
-    constexpr double ahead = 0.15;     // of any other effect, of the gap
-    constexpr double grown = 1.1;      // the gap elsewhere must not be
-    constexpr double foremost = 0.25;  // nor, beside what the effect explains, without a law of its own
+    constexpr double least_gap = 50;    // mean square of the largest deviations of these observables
+    constexpr double larger_gap = 200;  // without a law of its own
+    constexpr double promising = 0.3;   // part of their squares, by the scan, which does not recalibrate
+    constexpr double ahead = 0.15;      // of any other effect, of the gap
+    constexpr double grown = 1.1;       // the gap elsewhere must not be
+    constexpr double foremost = 0.25;   // nor, beside what the effect explains, without a law of its own
     const bool atoms = !plain_.lab.scene.sites.empty();
     for (const Scan& scan : scans_) {
       const bool own_law = scan.effect->own_law;
@@ -331,7 +331,7 @@ class Diagnoser {
       const Eigen::VectorXd own = only_of(observables);
       const Eigen::VectorXd others = Eigen::VectorXd::Ones(own.size()) - own;
       const double gap = gap_of(plain_.z.cwiseProduct(own));
-      if (gap < (own_law ? least_gap : least_gap_without_law)) continue;
+      if (gap < (own_law ? least_gap : larger_gap)) continue;
       const PartMatch match = match_part(scan, own, real);
       if (match.share < promising) continue;
       std::vector<Model> judged = fit_in_part(scan, match, observables);
@@ -405,8 +405,9 @@ class Diagnoser {
     return fit_and_judge(std::move(contenders), 0.95, 1);
   }
 
-  /// What the other effect that the scan finds most of in these observables closes of their gap. Nothing if
-  /// it is far less likely all in all: what it does elsewhere is not there.
+  /// What the other effect that the scan finds most of in these observables closes of their gap. Nothing,
+  /// beside an effect without a law of its own, if it is far less likely all in all: what it does elsewhere
+  /// is not there.
   double closed_by_rival(const Scan& scan, const Model& model, const Eigen::VectorXd& own,
                          const ScanViews& real) {
     constexpr double far_less = 30;  // of the logarithmic likelihood
@@ -419,7 +420,8 @@ class Diagnoser {
       }
     if (!rival) return 0;
     const std::vector<Model> judged = fit_in_part(*rival, best, model.explains);
-    if (judged.empty() || judged.front().log_likelihood < model.log_likelihood - far_less) return 0;
+    if (judged.empty()) return 0;
+    if (!scan.effect->own_law && judged.front().log_likelihood < model.log_likelihood - far_less) return 0;
     return closed_by(judged.front());
   }
 

@@ -24,8 +24,10 @@ void start_at_field_focus(Model& model, const FieldFocus& field, const Calibrati
     if (const auto found = values.find(one.name); found != values.end())
       one.centre = std::clamp(one.coordinate_of(found->second), one.lowest, one.highest);
     for (int term = first_fitted_zernike; term < zernike_terms; ++term)
-      if (one.name == fmt::format("zernike_{}", zernike_catalogue()[term].key))
+      if (one.name == fmt::format("zernike_{}", zernike_catalogue()[term].key)) {
         one.move_to(one.centre + field.zernike_um[term] - calibration.optics.zernike_um[term]);
+        one.held = true;
+      }
   }
 }
 

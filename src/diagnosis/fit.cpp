@@ -224,7 +224,7 @@ void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& pla
     for (std::size_t k = 0; k < model.open.size(); ++k) {
       Uncertain& one = model.open[k];
       const auto at = static_cast<Eigen::Index>(k);
-      if (one.width <= 0) continue;
+      if (one.width <= 0 || one.held) continue;
       double moved = one.centre + step.delta(at);
       if (at < from) {
         one.move_to(moved);

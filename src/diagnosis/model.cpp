@@ -316,6 +316,7 @@ void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std
   if (model.effects.empty()) leave_out_the_astray(offsets, model.open);
   for (auto k = Eigen::Index{0}; k < model.first_effect_parameter; ++k) {
     Uncertain& one = model.open[static_cast<std::size_t>(k)];
+    if (one.held) continue;
     double sum = 0, count = 0;
     for (const double offset : offsets.row(k))
       if (std::isfinite(offset)) sum += offset, count += 1;

@@ -28,8 +28,9 @@ struct Uncertain {
   /// Drawn for a group of stacks at once: making a point-spread function takes longer than simulating a
   /// stack.
   bool shared = false;
-  double pull = 0;  // by how much the last recalibration moved the centre
-  int steady = 0;   // how many before it moved it to the same side
+  bool held = false;  // known better than calibrating says: no recalibration moves it, nor a fit
+  double pull = 0;    // by how much the last recalibration moved the centre
+  int steady = 0;     // how many before it moved it to the same side
   std::function<void(Lab&, double coordinate)> apply;
   std::function<double(double coordinate)> value;            // in the parameter's unit
   std::function<double(double in_unit)> coordinate_of = {};  // of an effect's parameter: the way back

@@ -68,8 +68,12 @@ TEST(Fit, ReturnsFromAStepThatLedAstrayAndGoesWhereNobodyLooked) {
   Model weaker = with_row_noise();
   weaker.open[strength].highest = there - 0.7;
   weaker.open[strength].centre = there - 1.2;
+  // What is known better than by calibration stays where it is, and only that.
+  weaker.open[0].held = true;
   fit(weaker, ground, 6, plan, numbers_of("from below"));
   EXPECT_NEAR(weaker.open[strength].centre, there, 0.1 * range);
+  EXPECT_EQ(weaker.open[0].centre, plain.open[0].centre);
+  EXPECT_NE(model.open[0].centre, plain.open[0].centre);
 }
 
 }  // namespace

@@ -529,7 +529,7 @@ std::array<double, zernike_terms> best_focus(const Model& model, std::array<doub
 }  // namespace
 
 OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start,
-                     const std::array<double, zernike_terms>* known) {
+                     const std::array<double, zernike_terms>* known, const ImageMotion* motion) {
   const int radius = stamp_radius_px(start);
   // The image does not tell the common sign of the even terms, and about zero it does not change with them:
   // several starts.
@@ -537,7 +537,9 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   bool first = true;
   const double wave = optics.wavelength_um;
   MeanImage near = mean;
-  const PupilImage rough_pupil(optics, radius, PupilImage::rough), pupil(optics, radius);
+  PupilImage rough_pupil(optics, radius, PupilImage::rough), pupil(optics, radius);
+  if (motion)
+    for (PupilImage* one : {&rough_pupil, &pupil}) one->spread_over(motion->x_px, motion->y_px);
   const Model rough(near, start, wave, rough_pupil, rough_pupil);
   const Model model(near, start, wave, pupil, rough_pupil);
   const auto roughly = [&](const Eigen::VectorXd& p, bool derivatives) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <vector>
 
+#include "analysis/image_motion.hpp"
 #include "base/image.hpp"
 #include "calibration/maximise.hpp"
 #include "optics/optics.hpp"
@@ -50,9 +51,11 @@ int stamp_radius_px(const Lattice& lattice);
 
 /// From a lattice known to a pixel or better. Zernike terms of degree 2 to 4 are free; the sign that the even
 /// terms share is chosen for defocus >= 0.
-/// `known`: terms to start from; without it several starts are tried.
+/// `known`: terms to start from; without it several starts are tried. `motion`: what the image did meanwhile,
+/// so that the mean is not of the optics alone.
 OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start,
-                     const std::array<double, zernike_terms>* known = nullptr);
+                     const std::array<double, zernike_terms>* known = nullptr,
+                     const ImageMotion* motion = nullptr);
 
 /// A defocus (um rms) that changes across the image: x u + y v + curvature (u^2 + v^2), where u and v go from
 /// the image's middle, 1 at half its width.

@@ -1,5 +1,6 @@
 #include "calibration/pupil_image.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -107,6 +108,43 @@ Eigen::ArrayXXd PupilImage::integrated(const Eigen::ArrayXXd& intensity) const {
   return both;
 }
 
+void PupilImage::spread_over(std::span<const double> x_px, std::span<const double> y_px) {
+  if (x_px.empty()) return;
+  constexpr int m = FineImage::oversampling, most = 3 * m;  // beyond three pixels it is another site's
+  double widest = 0;
+  for (const double v : x_px) widest = std::max(widest, std::fabs(v));
+  for (const double v : y_px) widest = std::max(widest, std::fabs(v));
+  const int reach = std::min(most, static_cast<int>(std::lround(m * widest)) + 1);
+  displaced_.setZero(2 * reach + 1, 2 * reach + 1);
+  // Over the three nearest samples, so that mean and mean square stay as they are.
+  const auto place = [&](double px) {
+    const double at = std::clamp(m * px, 1.0 - reach, reach - 1.0), middle = std::round(at), t = at - middle;
+    return std::pair(static_cast<int>(middle) + reach,
+                     Eigen::Vector3d(t * (t - 1) / 2, 1 - t * t, t * (t + 1) / 2));
+  };
+  for (std::size_t n = 0; n < x_px.size(); ++n) {
+    const auto [column, across] = place(x_px[n]);
+    const auto [row, down] = place(y_px[n]);
+    displaced_.block<3, 3>(row - 1, column - 1) +=
+        (down * across.transpose()).array() / static_cast<double>(x_px.size());
+  }
+}
+
+Eigen::ArrayXXd PupilImage::spread(const Eigen::ArrayXXd& share) const {
+  if (displaced_.size() == 0) return share;
+  const Eigen::Index reach = displaced_.rows() / 2, rows = share.rows(), columns = share.cols();
+  Eigen::ArrayXXd moved = Eigen::ArrayXXd::Zero(rows, columns);
+  for (Eigen::Index dx = -reach; dx <= reach; ++dx)
+    for (Eigen::Index dy = -reach; dy <= reach; ++dy) {
+      const double part = displaced_(dy + reach, dx + reach);
+      if (part == 0) continue;
+      const Eigen::Index high = rows - std::abs(dy), wide = columns - std::abs(dx);
+      moved.block(std::max<Eigen::Index>(0, dy), std::max<Eigen::Index>(0, dx), high, wide) +=
+          part * share.block(std::max<Eigen::Index>(0, -dy), std::max<Eigen::Index>(0, -dx), high, wide);
+    }
+  return moved;
+}
+
 FineImage PupilImage::operator()(const std::array<double, zernike_terms>& zernike_um,
                                  bool derivatives) const {
   Eigen::ArrayXXd wavefront = Eigen::ArrayXXd::Zero(samples_, samples_);
@@ -117,16 +155,16 @@ FineImage PupilImage::operator()(const std::array<double, zernike_terms>& zernik
   const Amplitude amplitude = image_of({real, imaginary});
   FineImage fine;
   fine.centre = (radius_px_ + 1) * FineImage::oversampling;
-  fine.share =
-      integrated((amplitude.real.array().square() + amplitude.imaginary.array().square()) * correction_);
+  fine.share = spread(
+      integrated((amplitude.real.array().square() + amplitude.imaginary.array().square()) * correction_));
   if (!derivatives) return fine;
   for (const Eigen::ArrayXXd& term : zernike_) {
     const Eigen::ArrayXXd by = turn * term;
     const Amplitude change = image_of({-by * imaginary, by * real});
-    fine.by_zernike.push_back(integrated(2 *
-                                         (amplitude.real.array() * change.real.array() +
-                                          amplitude.imaginary.array() * change.imaginary.array()) *
-                                         correction_));
+    fine.by_zernike.push_back(spread(integrated(2 *
+                                                (amplitude.real.array() * change.real.array() +
+                                                 amplitude.imaginary.array() * change.imaginary.array()) *
+                                                correction_)));
   }
   return fine;
 }

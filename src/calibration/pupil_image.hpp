@@ -5,6 +5,7 @@
 
 #include <Eigen/Dense>
 #include <array>
+#include <span>
 #include <vector>
 
 #include "optics/optics.hpp"
@@ -31,6 +32,8 @@ class PupilImage {
   /// Up to `radius_px` pixels from the site. Uses all of `optics` but its Zernike terms.
   PupilImage(const OpticsDescription& optics, int radius_px, int samples = precise);
   FineImage operator()(const std::array<double, zernike_terms>& zernike_um, bool derivatives) const;
+  /// From now on the image of a point that was displaced by these (px, with the same weight each).
+  void spread_over(std::span<const double> x_px, std::span<const double> y_px);
   int radius_px() const { return radius_px_; }
 
  private:
@@ -40,6 +43,7 @@ class PupilImage {
   Amplitude along_columns(const Amplitude& pupil) const;
   Amplitude image_of(const Amplitude& pupil) const;
   Eigen::ArrayXXd integrated(const Eigen::ArrayXXd& intensity) const;
+  Eigen::ArrayXXd spread(const Eigen::ArrayXXd& share) const;
 
   int radius_px_, samples_;
   double wavelength_um_;
@@ -47,6 +51,7 @@ class PupilImage {
   std::array<Eigen::ArrayXXd, fitted_zernikes> zernike_;  // values over the pupil
   Eigen::MatrixXd cosine_, sine_;                         // [fine sample, pupil sample], both from the middle
   Eigen::ArrayXXd correction_;                            // fine samples: normalisation and sample width
+  Eigen::ArrayXXd displaced_;  // share of each displacement, in fine samples about the middle; empty: none
 };
 
 }  // namespace atomcam

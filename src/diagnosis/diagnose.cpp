@@ -10,8 +10,8 @@
 #include "base/error.hpp"
 #include "diagnosis/contenders.hpp"
 #include "diagnosis/diagnosis.hpp"
-#include "diagnosis/field_focus.hpp"
 #include "diagnosis/gap_closed.hpp"
+#include "diagnosis/known_optics.hpp"
 #include "diagnosis/model.hpp"
 #include "diagnosis/rivals.hpp"
 #include "diagnosis/scan.hpp"
@@ -166,6 +166,10 @@ class Diagnoser {
       if (!field_focus_)
         field_focus_ = fit_field_focus(calibration.mean_image, calibration.lab.optics, calibration.optics);
       start_at_field_focus(model, *field_focus_, calibration);
+    }
+    if (scan.effect->name == wandering_effect) {
+      if (!moving_zernikes_) moving_zernikes_ = zernikes_of_moving_image(result_.calibration, frames_);
+      hold_zernikes(model, *moving_zernikes_, result_.calibration);
     }
     return model;
   }
@@ -696,6 +700,7 @@ class Diagnoser {
   Ends ends_;
   bool have_final_ = false;
   std::optional<FieldFocus> field_focus_;
+  std::optional<std::array<double, zernike_terms>> moving_zernikes_;
 };
 
 }  // namespace

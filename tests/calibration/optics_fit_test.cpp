@@ -19,8 +19,7 @@ OpticsDescription emccd_optics() {
 }
 
 /// What a stack's mean would be without noise, and the noise that it would have.
-MeanImage mean_image_of(const OpticsDescription& optics, const Lattice& lattice, Shape shape) {
-  const PointSpreadFunction table(optics);
+MeanImage mean_image_of(const PointSpreadFunction& table, const Lattice& lattice, Shape shape) {
   PhotonImage sites(shape);
   for (int j = 0; j < lattice.rows; ++j)
     for (int i = 0; i < lattice.columns; ++i)
@@ -35,6 +34,10 @@ MeanImage mean_image_of(const OpticsDescription& optics, const Lattice& lattice,
     mean.variance.pixels()[n] = 0.01 / frames + mean.variance_per_e * light;
   }
   return mean;
+}
+
+MeanImage mean_image_of(const OpticsDescription& optics, const Lattice& lattice, Shape shape) {
+  return mean_image_of(PointSpreadFunction(optics), lattice, shape);
 }
 
 /// The same with optics that differ from site to site.
@@ -128,6 +131,48 @@ TEST(OpticsFit, FocusWithAstigmatismIsNoDefocus) {
   const OpticsFit fit = fit_optics(mean_image_of(optics, truth, {46, 64}), optics, start);
   for (int term = 3; term < zernike_terms; ++term)
     EXPECT_NEAR(fit.zernike_um[term], optics.zernike_um[term], 0.001) << term;
+}
+
+// The image wanders by half a pixel along one axis while the stack is taken: to optics alone, astigmatism.
+TEST(OpticsFit, AMovingImageIsToldFromAberrations) {
+  OpticsDescription optics = emccd_optics();
+  optics.zernike_um[3] = 0.010;
+  optics.zernike_um[4] = 0.004;
+  optics.zernike_um[5] = -0.006;
+  optics.zernike_um[6] = 0.008;
+  optics.zernike_um[10] = -0.005;
+  const Lattice lattice{
+      .columns = 5, .rows = 5, .origin_x = 10.2, .origin_y = 9.7, .a_x = 9.9, .a_y = 0, .b_x = 0, .b_y = 9.9};
+  ImageMotion motion;
+  MeanImage mean;
+  const PointSpreadFunction table(optics);
+  constexpr int places = 40;
+  for (int k = 0; k < places; ++k) {
+    const double along = (k - (places - 1) / 2.0) / (places / 2.0);
+    motion.x_px.push_back(0.3 * std::sin(1.7 * k));
+    motion.y_px.push_back(0.9 * along);
+  }
+  double x_mean = 0;
+  for (const double x : motion.x_px) x_mean += x / places;
+  for (double& x : motion.x_px) x -= x_mean;
+  for (int k = 0; k < places; ++k) {
+    Lattice there = lattice;
+    there.origin_x += motion.x_px[static_cast<std::size_t>(k)];
+    there.origin_y += motion.y_px[static_cast<std::size_t>(k)];
+    const MeanImage one = mean_image_of(table, there, {60, 60});
+    if (k == 0) mean = one;
+    for (std::size_t n = 0; n < one.electrons.pixels().size(); ++n) {
+      if (k == 0) mean.electrons.pixels()[n] = mean.variance.pixels()[n] = 0;
+      mean.electrons.pixels()[n] += one.electrons.pixels()[n] / places;
+      mean.variance.pixels()[n] += one.variance.pixels()[n] / places;
+    }
+  }
+  const OpticsFit still = fit_optics(mean, optics, lattice);
+  EXPECT_GT(std::fabs(still.zernike_um[5] - optics.zernike_um[5]), 0.005);
+  const OpticsFit moving = fit_optics(mean, optics, lattice, nullptr, &motion);
+  EXPECT_LT(moving.chi_square, 0.02 * still.chi_square);
+  for (int term = 3; term < zernike_terms; ++term)
+    EXPECT_NEAR(moving.zernike_um[term], optics.zernike_um[term], 0.001) << term;
 }
 
 // One focus for all sites sees no astigmatism where it turns with the defocus' sign across the field.

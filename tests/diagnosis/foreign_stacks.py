@@ -90,6 +90,7 @@ class Stack:
         self.brightness = np.ones(self.sites)
         self.blur = None  # transfer function of (fx, fy), cycles per px
         self.shifts = None  # (frames, 2) in px
+        self.scatter = 0  # of every atom in every frame, px rms
         self.background = np.ones((size, size))  # relative map of stray light
         self.response = np.ones((size, size))
 
@@ -150,6 +151,8 @@ class Stack:
     def mean_light(self):
         light = self.run("light", self.exposures()) * self.brightness
         images = self.site_images()
+        if self.scatter:
+            return self.scattered_light(light, images)
         if self.shifts is None and self.blur is None and not self.hooks["fine"]:
             pixels = images.reshape(self.sites, self.size, FINE, self.size, FINE).sum((2, 4))
             mean = light.astype(np.float32) @ pixels.reshape(self.sites, -1)
@@ -167,6 +170,22 @@ class Stack:
                     np.fft.fft2(fine) * blur * np.exp(-2j * np.pi * (fx * shift[0] + fy * shift[1]))
                 ).real
                 mean[n] = moved.reshape(self.size, FINE, self.size, FINE).sum((1, 3))
+        return np.maximum(mean, 0) * self.electrons_per_atom + self.stray * self.background
+
+    def scattered_light(self, light, images):
+        """Each atom's image between the nine nearest that are a whole number of steps away."""
+        step = FINE  # a pixel, in subpixels; displacements beyond one are cut off
+        off = np.clip(self.scatter * self.rng.normal(0, 1, (2, *light.shape)), -1, 1)
+        mean = np.zeros((self.count, self.size * self.size), np.float32)
+        # Parabolic weights keep the second moment of what is displaced.
+        weights = [[0.5 * v * (v - 1), 1 - v * v, 0.5 * v * (v + 1)] for v in off]
+        for dy in (-1, 0, 1):
+            for dx in (-1, 0, 1):
+                moved = np.roll(images, (dy * step, dx * step), (1, 2))
+                pixels = moved.reshape(self.sites, self.size, FINE, self.size, FINE).sum((2, 4))
+                share = (light * weights[0][dx + 1] * weights[1][dy + 1]).astype(np.float32)
+                mean += share @ pixels.reshape(self.sites, -1)
+        mean = mean.reshape(self.count, self.size, self.size)
         return np.maximum(mean, 0) * self.electrons_per_atom + self.stray * self.background
 
     def expose(self, dark):
@@ -592,6 +611,20 @@ def dead_sites(s, k):
     s.on("light", lambda light, dark: light * ~(weak & (s.rng.random(light.shape) < 0.8)))
 
 
+@effect("scene", listed=False)
+def filling_drift(s, k):
+    """Traps load ever worse while the stack is taken."""
+    kept = np.linspace(1, 1 - 0.2 * k, s.count)[:, None]
+
+    s.on("light", lambda light, dark: light * (s.rng.random(light.shape) < kept))
+
+
+@effect("scene", listed=False)
+def thermal_motion(s, k):
+    """Every atom is somewhere else in its trap in every frame."""
+    s.scatter = 0.2 * k
+
+
 @effect("optics", listed=False)
 def ghost_image(s, k):
     def ghost(mean, dark):
@@ -653,6 +686,68 @@ def leakage_spots(s, k):
         return mean + 0.01 * k * s.electrons_per_atom * images
 
     s.on("mean", leak)
+
+
+@effect("optics", listed=False)
+def dust(s, k):
+    """Rings of shadow, out of focus, in all light."""
+    x, y = s.pixels()
+    shade = np.ones_like(x)
+    for _ in range(6):
+        u, v = s.rng.uniform(-0.9, 0.9, 2)
+        shade -= 0.25 * k * np.exp(-(((np.hypot(x - u, y - v) - 0.12) / 0.05) ** 2))
+    shade = np.maximum(0.1, shade)
+
+    s.on("mean", lambda mean, dark: mean * shade)
+
+
+@effect("optics", listed=False)
+def stray_fringes(s, k):
+    """Interference in the stray light, and in nothing else."""
+    x, y = s.pixels()
+    angle, period = s.rng.uniform(0, np.pi), s.rng.uniform(0.15, 0.5)
+    s.background = s.background * (
+        1 + min(0.95, 0.3 * k) * np.sin(2 * np.pi * (x * np.cos(angle) + y * np.sin(angle)) / period)
+    )
+
+
+@effect("optics", listed=False)
+def rolling_flicker(s, k):
+    """Light at twice the mains' frequency while row after row begins to expose."""
+    rows = np.arange(s.size)[None, :, None] / s.rng.uniform(20, 60)
+    phase = s.rng.random(s.count)[:, None, None]
+
+    s.on("mean", lambda mean, dark: mean if dark else mean * (1 + 0.08 * k * np.sin(2 * np.pi * (rows + phase))))
+
+
+@effect("sensor", listed=False)
+def exposure_jitter(s, k):
+    """The shutter opens for longer or shorter: all light of a frame."""
+    factor = np.maximum(0.1, 1 + 0.06 * k * s.rng.normal(0, 1, s.count))[:, None, None]
+
+    s.on("mean", lambda mean, dark: mean if dark else mean * factor)
+
+
+@effect("sensor", listed=False)
+def torn_frames(s, k):
+    """A frame ends with the rows of the one before."""
+
+    def tear(counts, dark):
+        for n in range(len(counts) - 1, 0, -1):
+            if s.rng.random() < 0.04 * k:
+                row = s.rng.integers(1, s.size)
+                counts[n, row:] = counts[n - 1, row:]
+        return counts
+
+    s.on("counts", tear)
+
+
+@effect("sensor", listed=False)
+def odd_even_columns(s, k):
+    """Two amplifiers take turns, and one has more gain."""
+    gain = 1 + 0.03 * k * (np.arange(s.size) % 2 * 2 - 1)
+
+    s.on("signal", lambda signal, dark: signal * gain)
 
 
 @effect("sensor", listed=False)

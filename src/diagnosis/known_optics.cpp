@@ -1,10 +1,11 @@
-#include "diagnosis/field_focus.hpp"
+#include "diagnosis/known_optics.hpp"
 
 #include <fmt/format.h>
 
 #include <cmath>
 #include <map>
 
+#include "analysis/image_motion.hpp"
 #include "base/math.hpp"
 #include "calibration/pupil_image.hpp"
 #include "optics/zernike.hpp"
@@ -20,15 +21,29 @@ void start_at_field_focus(Model& model, const FieldFocus& field, const Calibrati
       {effect + "tilt_um", tilt_um},
       {effect + "angle_deg", angle_deg < 0 ? angle_deg + 360 : angle_deg},
       {effect + "curvature", field.curvature_um / tilt_um}};
-  for (Uncertain& one : model.open) {
+  for (Uncertain& one : model.open)
     if (const auto found = values.find(one.name); found != values.end())
       one.centre = std::clamp(one.coordinate_of(found->second), one.lowest, one.highest);
-    for (int term = first_fitted_zernike; term < zernike_terms; ++term)
+  hold_zernikes(model, field.zernike_um, calibration);
+}
+
+void hold_zernikes(Model& model, const std::array<double, zernike_terms>& zernike_um,
+                   const Calibration& calibration) {
+  for (Uncertain& one : model.open)
+    for (std::size_t term = first_fitted_zernike; term < zernike_terms; ++term)
       if (one.name == fmt::format("zernike_{}", zernike_catalogue()[term].key)) {
-        one.move_to(one.centre + field.zernike_um[term] - calibration.optics.zernike_um[term]);
+        // Calibration errs a little: by how much, the model knows.
+        one.move_to(one.centre + zernike_um[term] - calibration.optics.zernike_um[term]);
         one.held = true;
       }
-  }
+}
+
+std::array<double, zernike_terms> zernikes_of_moving_image(const Calibration& calibration,
+                                                           const FrameSequence& frames) {
+  const ImageMotion motion = image_motion(calibration.model, frames).without_noise();
+  return fit_optics(calibration.mean_image, calibration.lab.optics, calibration.optics.lattice, nullptr,
+                    &motion)
+      .zernike_um;
 }
 
 }  // namespace atomcam

@@ -1,4 +1,4 @@
-#include "diagnosis/field_focus.hpp"
+#include "diagnosis/known_optics.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@ namespace atomcam {
 namespace {
 
 // Under a tilt calibration sees hardly any of the astigmatism: what the sites' own images say holds.
-TEST(FieldFocus, ZernikeTermsComeFromTheSitesAndAreHeld) {
+TEST(KnownOptics, ZernikeTermsComeFromTheSitesAndAreHeld) {
   Calibration calibration;
   calibration.lab = preset("ixon-ultra-897");
   Model model;

@@ -401,7 +401,7 @@ TEST(CountEffects, HaveTheirSizes) {
   const auto rows = make("row_noise", {3});
   const auto stripes = make("emi_stripes", {4, 37.3, 60, 0.5});
   const auto drift = make("bias_drift", {2, 10, 0});
-  const auto dual = make("dual_adc_peaks", {1, 10, 0});
+  const auto dual = make("dual_adc_peaks", {1, 10, 0, 0});
   Moments row_offsets, stripe, drifts;
   double dual_pixels = 0;
   for (std::uint64_t frame = 0; frame < 200; ++frame) {
@@ -462,7 +462,7 @@ TEST(CountEffects, StripesLeanByTheirRowPhaseAndDriftFromFrameToFrame) {
 
 TEST(CountEffects, NoPixelCarriesADefectTwice) {
   const Stage stage;
-  const auto dual = make("dual_adc_peaks", {0.5, 10, 0});
+  const auto dual = make("dual_adc_peaks", {0.5, 10, 0, 0});
   double pixels = 0;
   for (int r = 0; r < 128; ++r) {
     std::vector<float> row(128, 200);
@@ -473,6 +473,22 @@ TEST(CountEffects, NoPixelCarriesADefectTwice) {
     }
   }
   EXPECT_NEAR(pixels, 8192, 5 * 64);  // binomial
+}
+
+TEST(CountEffects, APixelsLowerPeakMayBeAtItsOffset) {
+  const Stage stage;
+  const auto dual = make("dual_adc_peaks", {1, 10, 0, 1});
+  double low = 0, high = 0;
+  for (int r = 0; r < 128; ++r) {
+    std::vector<float> row(128, 200);
+    dual->apply_to_counts(r, row, stage.context("dual_adc_peaks", 3));
+    for (const float counts : row) {
+      EXPECT_TRUE(counts == 200 || counts == 210) << counts;
+      (counts == 200 ? low : high) += 1;
+    }
+  }
+  EXPECT_NEAR(low, 8192, 5 * 64);  // binomial
+  EXPECT_NEAR(high, 8192, 5 * 64);
 }
 
 TEST(CountEffects, SizesOfDefectsSpreadAsAsked) {

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "diagnosis/gap_closed.hpp"
+#include "diagnosis/known_optics.hpp"
 
 namespace atomcam {
 namespace {
@@ -191,7 +192,7 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
     const auto judged = [&](Model one, const std::string& number, bool calibrated) {
       if (!calibrated) recalibrate(one, ground.real, plan, numbers_of("calibration" + number));
       // A point-spread function per site leaves no time for many optical systems.
-      if (std::find(one.effects.begin(), one.effects.end(), "field_tilt_defocus") != one.effects.end())
+      if (std::find(one.effects.begin(), one.effects.end(), field_focus_effect) != one.effects.end())
         leave_undrawn(one, *ground.plain);
       judge(one, *ground.real.values, judged_stacks, plan, numbers_of("judge" + number), ground.plain,
             [&](int done) {

@@ -145,8 +145,8 @@ class Diagnoser {
               [](const Scan& a, const Scan& b) { return a.best().log_likelihood > b.best().log_likelihood; });
   }
 
-  /// The model with the scan's effect added, about these parameters; a focus across the field about what the
-  /// mean image says.
+  /// The model with the scan's effect added, about these parameters; what shapes the mean image as
+  /// aberrations do with the optics that are known then.
   Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about) {
     Model model;
     model.effects = before.effects;

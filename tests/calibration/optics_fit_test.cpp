@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace atomcam {
@@ -144,7 +145,6 @@ TEST(OpticsFit, AMovingImageIsToldFromAberrations) {
   const Lattice lattice{
       .columns = 5, .rows = 5, .origin_x = 10.2, .origin_y = 9.7, .a_x = 9.9, .a_y = 0, .b_x = 0, .b_y = 9.9};
   ImageMotion motion;
-  MeanImage mean;
   const PointSpreadFunction table(optics);
   constexpr int places = 40;
   for (int k = 0; k < places; ++k) {
@@ -155,14 +155,14 @@ TEST(OpticsFit, AMovingImageIsToldFromAberrations) {
   double x_mean = 0;
   for (const double x : motion.x_px) x_mean += x / places;
   for (double& x : motion.x_px) x -= x_mean;
+  MeanImage mean = mean_image_of(table, lattice, {60, 60});
+  for (auto* sum : {&mean.electrons, &mean.variance}) std::ranges::fill(sum->pixels(), 0.0);
   for (int k = 0; k < places; ++k) {
     Lattice there = lattice;
     there.origin_x += motion.x_px[static_cast<std::size_t>(k)];
     there.origin_y += motion.y_px[static_cast<std::size_t>(k)];
     const MeanImage one = mean_image_of(table, there, {60, 60});
-    if (k == 0) mean = one;
     for (std::size_t n = 0; n < one.electrons.pixels().size(); ++n) {
-      if (k == 0) mean.electrons.pixels()[n] = mean.variance.pixels()[n] = 0;
       mean.electrons.pixels()[n] += one.electrons.pixels()[n] / places;
       mean.variance.pixels()[n] += one.variance.pixels()[n] / places;
     }

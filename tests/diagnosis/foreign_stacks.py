@@ -152,10 +152,9 @@ class Stack:
         light = self.run("light", self.exposures()) * self.brightness
         images = self.site_images()
         if self.scatter:
-            return self.scattered_light(light, images)
-        if self.shifts is None and self.blur is None and not self.hooks["fine"]:
-            pixels = images.reshape(self.sites, self.size, FINE, self.size, FINE).sum((2, 4))
-            mean = light.astype(np.float32) @ pixels.reshape(self.sites, -1)
+            mean = self.scattered(light, images)
+        elif self.shifts is None and self.blur is None and not self.hooks["fine"]:
+            mean = light.astype(np.float32) @ self.binned(images).reshape(self.sites, -1)
             mean = mean.reshape(self.count, self.size, self.size)
         else:
             mean = np.empty((self.count, self.size, self.size), np.float32)
@@ -169,24 +168,25 @@ class Stack:
                 moved = np.fft.ifft2(
                     np.fft.fft2(fine) * blur * np.exp(-2j * np.pi * (fx * shift[0] + fy * shift[1]))
                 ).real
-                mean[n] = moved.reshape(self.size, FINE, self.size, FINE).sum((1, 3))
+                mean[n] = self.binned(moved)
         return np.maximum(mean, 0) * self.electrons_per_atom + self.stray * self.background
 
-    def scattered_light(self, light, images):
-        """Each atom's image between the nine nearest that are a whole number of steps away."""
-        step = FINE  # a pixel, in subpixels; displacements beyond one are cut off
+    def binned(self, images):
+        """Fine images in whole pixels."""
+        return images.reshape(*images.shape[:-2], self.size, FINE, self.size, FINE).sum((-3, -1))
+
+    def scattered(self, light, images):
+        """Each atom's image between the nine that are a whole pixel or none away; farther ones are cut off."""
         off = np.clip(self.scatter * self.rng.normal(0, 1, (2, *light.shape)), -1, 1)
         mean = np.zeros((self.count, self.size * self.size), np.float32)
         # Parabolic weights keep the second moment of what is displaced.
         weights = [[0.5 * v * (v - 1), 1 - v * v, 0.5 * v * (v + 1)] for v in off]
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
-                moved = np.roll(images, (dy * step, dx * step), (1, 2))
-                pixels = moved.reshape(self.sites, self.size, FINE, self.size, FINE).sum((2, 4))
+                pixels = self.binned(np.roll(images, (dy * FINE, dx * FINE), (1, 2)))
                 share = (light * weights[0][dx + 1] * weights[1][dy + 1]).astype(np.float32)
                 mean += share @ pixels.reshape(self.sites, -1)
-        mean = mean.reshape(self.count, self.size, self.size)
-        return np.maximum(mean, 0) * self.electrons_per_atom + self.stray * self.background
+        return mean.reshape(self.count, self.size, self.size)
 
     def expose(self, dark):
         count = self.dark_count if dark else self.count
@@ -681,8 +681,7 @@ def leakage_spots(s, k):
         if dark:
             return mean
         if images is None:
-            fine = s.site_images().sum(0)
-            images = fine.reshape(s.size, FINE, s.size, FINE).sum((1, 3))
+            images = s.binned(s.site_images().sum(0))
         return mean + 0.01 * k * s.electrons_per_atom * images
 
     s.on("mean", leak)

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <optional>
-#include <set>
+#include <span>
 
 #include "base/error.hpp"
 #include "diagnosis/contenders.hpp"
@@ -13,6 +13,7 @@
 #include "diagnosis/gap_closed.hpp"
 #include "diagnosis/known_optics.hpp"
 #include "diagnosis/model.hpp"
+#include "diagnosis/naming.hpp"
 #include "diagnosis/rivals.hpp"
 #include "diagnosis/scan.hpp"
 #include "diagnosis/stages.hpp"
@@ -23,15 +24,10 @@ namespace {
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 constexpr double pair_odds = 5;         // logarithm, over the likeliest of one effect, for two
 
-constexpr double odd = 0.05;  // p-value of frames that a model, even if it passes, fits none too well
-// Then, of the gap on held-out frames, for an effect to be named; and where they are so odd that only a large
-// gap that it takes away lets it pass.
-constexpr double least_closed_if_odd = 0.9, least_closed_if_rejected = 0.96;
-
-constexpr double least_closed = 0.75;       // of the gap on held-out frames, for an effect to be named
+// Of the gap on held-out frames, for an effect to be named; and under which the frames are so odd that only
+// a large gap that it takes away lets it pass.
+constexpr double least_closed = 0.75, least_closed_if_rejected = 0.96;
 constexpr double least_part_closed = 0.75;  // of the gap in its own observables, for an effect to be named
-constexpr double clear_difference = 5.5;    // deviations from a model that nobody's camera explains
-constexpr double as_it_was = 0.8;           // what is left of one from the plain model, in its parts
 
 constexpr std::uintmax_t largest_cache = std::uintmax_t{4} << 30;
 
@@ -273,7 +269,7 @@ class Diagnoser {
     for (Model& model : fit_and_judge(overlooked(scans), 0.75, 0.8)) singles.push_back(std::move(model));
     if (choose(singles)) return;
     // Pairs: those whose fingerprints add up best to the real one, then really simulated.
-    if (singles.empty()) return nearest({});
+    if (singles.empty()) return;
     const Model& left_alone = likeliest(singles);
     const std::vector<PairMatch> matches = match_pairs(scans, 4, real, plan_.threads);
     std::vector<Contender> candidates;
@@ -290,12 +286,12 @@ class Diagnoser {
       const bool likelier = Rivals(model, left_alone).odds(as_vector(real_.whole)) > pair_odds;
       const std::vector<std::string> needed = significant(model);
       if (needed.size() < model.effects.size()) {
-        if (!passes(model)) continue;
+        if (!naming_.passes(model)) continue;
         // It may be the place that the pair's fit found for one of the two that explains.
         if (needed.size() == 1)
           lone.push_back({needed.front() + ", of " + title(model), only(model, needed.front()),
                           evidence_for(needed.front())});
-        if (likelier || contradicted(left_alone)) undecided.push_back(std::move(model));
+        if (likelier || naming_.contradicted(left_alone)) undecided.push_back(std::move(model));
         continue;
       }
       // The pair must leave much less than the better of the two alone, in its own standard deviations.
@@ -307,13 +303,13 @@ class Diagnoser {
     if (choose(singles)) return;
     const Model& either = likeliest(singles);
     std::erase_if(undecided, [&](const Model& model) {
-      return Rivals(model, either).odds(as_vector(real_.whole)) < pair_odds && !contradicted(either);
+      return Rivals(model, either).odds(as_vector(real_.whole)) < pair_odds && !naming_.contradicted(either);
     });
     if (choose(undecided)) return;
     std::vector<Model> all;
     for (auto& m : singles) all.push_back(std::move(m));
     for (auto& m : pairs) all.push_back(std::move(m));
-    nearest(std::move(all));
+    accept(naming_.nearest(all));
   }
 
   /// Real cameras have several effects at once, some in no catalogue. One that has a law of its own is named
@@ -348,8 +344,7 @@ class Diagnoser {
           left > grown * gap_of(plain_.z.cwiseProduct(others)) || (!own_law && left > foremost * gap))
         continue;
       if (closed_by_rival(scan, model, own, real) > closed - ahead) continue;
-      accept(model, 0.5 + 0.5 * closed);
-      result_.verdict = Verdict::partly_explained;
+      accept(Named{&model, Verdict::partly_explained, 0.5 + 0.5 * closed, {}});
       result_.p_after = result_.p_gap;
       return;
     }
@@ -429,12 +424,6 @@ class Diagnoser {
     return closed_by(judged.front());
   }
 
-  static Model& likeliest(std::vector<Model>& models) {
-    return *std::max_element(models.begin(), models.end(), [](const Model& a, const Model& b) {
-      return a.log_likelihood < b.log_likelihood;
-    });
-  }
-
   /// The effects whose strength is some errors away from nothing.
   static std::vector<std::string> significant(const Model& model) {
     std::vector<std::string> list;
@@ -471,133 +460,17 @@ class Diagnoser {
     return one;
   }
 
-  static bool odd_under(const Model& model) { return std::min(model.p_value, model.oddest) < odd; }
+  /// Whether one of the models explains the frames; it is the result then.
+  bool choose(std::span<Model> models) { return accept(naming_.choose(models)); }
 
-  /// Nothing is left that the model does not have, or as little of a large gap as somebody's camera and the
-  /// catalogue's model of its effect may well differ.
-  bool passes(const Model& model) const {
-    if (contradicted(model) || beyond_its_law(model)) return false;
-    const double closed = closed_by(model);
-    // Stacks that scatter widely are never odd: an explanation also has to take the gap away.
-    if (model.p_value >= reject_level) return closed > (odd_under(model) ? least_closed : least_to_pass);
-    if (model.distance >= like_own) return false;
-    return closed > 0.95 || (closed > 0.8 && model.p_value > 1e-7);
-  }
-
-  /// The frames are not odd under it, but its own stacks scatter so widely that little of the gap shows in
-  /// their units. It does not stand alone; a name that passes must be likelier.
-  bool competes(const Model& model) const {
-    return model.p_value >= odd && !contradicted(model) && !beyond_its_law(model) &&
-           closed_in_own_units(model, plain_, declarations_) > least_to_pass;
-  }
-
-  /// A clear difference is left as it was, or made: whatever the effect takes away, it is not what made that.
-  bool contradicted(const Model& model) const {
-    const Standard &plain = *plain_.standard, &own = *model.standard;
-    const Eigen::VectorXd allowed = model.with_undrawn(plain.discrepancy());
-    const Eigen::ArrayXd left = tolerated(model.z, own.deviation(), allowed).array().abs();
-    const Eigen::ArrayXd before = plain_.z.cwiseProduct(plain.deviation()).array().abs(),
-                         after = model.z.cwiseProduct(own.deviation()).array().abs();
-    return (plain.deviation().array() > 0 && left > clear_difference && after > as_it_was * before).any();
-  }
-
-  /// Models that pass: one by far the likeliest, or several that the data cannot tell apart.
-  bool choose(std::vector<Model>& models) {
-    std::vector<Model*> passed;
-    for (Model& model : models)
-      if (passes(model)) passed.push_back(&model);
-    if (passed.empty()) return false;
-    for (Model& model : models)
-      if (!passes(model) && competes(model)) passed.push_back(&model);
-    // What the frames are odd under gives way to what explains them and closes as much: likelihoods take a
-    // law that scatters little for a better one, as statistics that go together count nearly as if apart.
-    constexpr double odder = 20;
-    const std::vector<Model*> all = passed;
-    std::erase_if(passed, [&](const Model* near) {
-      return near->p_value < odd && std::any_of(all.begin(), all.end(), [&](const Model* model) {
-               const bool explains = near->p_value < reject_level ? model->p_value >= reject_level
-                                                                  : model->p_value > odder * near->p_value;
-               return explains && closed_by(*model) >= closed_by(*near);
-             });
-    });
-    const std::vector<double> odds = odds_among(passed);
-    const auto first = std::max_element(odds.begin(), odds.end()) - odds.begin();
-    double total = 0;
-    for (const double one : odds) total += std::exp(one - odds[static_cast<std::size_t>(first)]);
-    const auto probability = [&](std::size_t k) {
-      return std::exp(odds[k] - odds[static_cast<std::size_t>(first)]) / total;
-    };
-    result_.verdict = Verdict::explained;
-    std::set<std::string> neighbours;
-    if (1 / total < 0.9) {
-      result_.verdict = Verdict::ambiguous;
-      for (std::size_t k = 0; k < passed.size(); ++k)
-        if (static_cast<std::ptrdiff_t>(k) != first && probability(k) > 0.02)
-          neighbours.insert(passed[k]->effects.begin(), passed[k]->effects.end());
-    }
-    for (const std::string& name : passed[static_cast<std::size_t>(first)]->effects) neighbours.erase(name);
-    accept(*passed[static_cast<std::size_t>(first)], 1 / total);
-    for (FoundEffect& found : result_.effects)
-      found.confusable_with.assign(neighbours.begin(), neighbours.end());
-    return true;
-  }
-
-  /// Logarithms of how likely each is of those that pass, up to a constant: against the one that no other
-  /// beats, or that loses least.
-  std::vector<double> odds_among(const std::vector<Model*>& models) const {
-    const Eigen::VectorXd statistics = as_vector(real_.whole);
-    const auto count = static_cast<Eigen::Index>(models.size());
-    Eigen::MatrixXd odds = Eigen::MatrixXd::Zero(count, count);  // [one, other]
-    for (Eigen::Index i = 0; i < count; ++i)
-      for (Eigen::Index j = i + 1; j < count; ++j) {
-        const Rivals rivals(*models[static_cast<std::size_t>(i)], *models[static_cast<std::size_t>(j)]);
-        odds(i, j) = rivals.odds(statistics);
-        odds(j, i) = -odds(i, j);
-      }
-    Eigen::Index first = 0;
-    odds.rowwise().minCoeff().maxCoeff(&first);
-    std::vector<double> over_first(models.size());
-    for (Eigen::Index i = 0; i < count; ++i) over_first[static_cast<std::size_t>(i)] = odds(i, first);
-    return over_first;
-  }
-
-  /// No model passes. One that closes nearly all of a large gap is named all the same, with what it leaves.
-  void nearest(std::vector<Model> models) {
-    result_.verdict = Verdict::unexplained;
-    if (models.empty()) return;
-    Model& best = likeliest(models);
-    const double closed = closed_by(best);
-    if (closed < 0.9 || contradicted(best) || beyond_its_law(best)) return;
-    accept(best, 0.5 + 0.5 * closed);
-    result_.verdict = closed >= 0.95 ? Verdict::explained : Verdict::partly_explained;
-  }
-
-  void accept(Model& model, double probability) {
-    result_.effects.clear();
-    for (const std::string& name : model.effects) {
-      FoundEffect found;
-      found.name = name;
-      found.stage = stage_of(name);
-      found.probability = probability;
-      const EffectDeclaration& declaration = *find_effect(name);
-      for (const ParameterDeclaration& p : declaration.parameters) {
-        const std::string key = "effects." + name + "." + p.key;
-        for (std::size_t k = 0; k < model.open.size(); ++k)
-          if (model.open[k].name == key) {
-            const auto at = static_cast<Eigen::Index>(k);
-            const Uncertain& one = model.open[k];
-            const double c = std::clamp(model.estimate(at), one.lowest, one.highest);
-            const double value = one.value(c);
-            const double error = 0.5 * std::fabs(one.value(std::min(one.highest, c + model.error(at))) -
-                                                 one.value(std::max(one.lowest, c - model.error(at))));
-            found.parameters.push_back({p.key, p.unit, value, error});
-          }
-      }
-      result_.effects.push_back(std::move(found));
-    }
-    result_.p_after = model.p_value;
-    final_ = std::move(model);
+  bool accept(const std::optional<Named>& named) {
+    if (!named) return false;
+    result_.verdict = named->verdict;
+    result_.effects = found_effects(*named);
+    result_.p_after = named->model->p_value;
+    final_ = std::move(*named->model);
     have_final_ = true;
+    return true;
   }
 
   /// Before and after on the held-out frames.
@@ -696,6 +569,7 @@ class Diagnoser {
   std::vector<StatisticDeclaration> declarations_;
   BatteryValues real_;
   Model plain_, final_;
+  Naming naming_{plain_, real_, declarations_};
   std::vector<Scan> scans_;
   Ends ends_;
   bool have_final_ = false;

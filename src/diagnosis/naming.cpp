@@ -1,0 +1,149 @@
+#include "diagnosis/naming.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "diagnosis/contenders.hpp"
+#include "diagnosis/gap_closed.hpp"
+#include "diagnosis/rivals.hpp"
+
+namespace atomcam {
+namespace {
+
+constexpr double odd = 0.05;                   // p-value of frames that a model fits none too well
+constexpr double least_closed = 0.75;          // of the gap, by a model that the frames are odd under
+constexpr double clear_difference = 5.5;       // deviations from a model that nobody's camera explains
+constexpr double as_it_was = 0.8;              // what is left of one from the plain model, in its parts
+constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model alone, of one beside it
+
+}  // namespace
+
+bool odd_under(const Model& model) {
+  return std::min(model.p_value, model.oddest) < odd;
+}
+
+Model& likeliest(std::span<Model> models) {
+  return *std::max_element(models.begin(), models.end(), [](const Model& a, const Model& b) {
+    return a.log_likelihood < b.log_likelihood;
+  });
+}
+
+std::vector<FoundEffect> found_effects(const Named& named) {
+  const Model& model = *named.model;
+  std::vector<FoundEffect> list;
+  for (const std::string& name : model.effects) {
+    FoundEffect found;
+    found.name = name;
+    found.stage = stage_of(name);
+    found.probability = named.probability;
+    found.confusable_with = named.confusable_with;
+    for (const ParameterDeclaration& p : find_effect(name)->parameters) {
+      const std::string key = "effects." + name + "." + p.key;
+      for (std::size_t k = 0; k < model.open.size(); ++k) {
+        const Uncertain& one = model.open[k];
+        if (one.name != key) continue;
+        const auto at = static_cast<Eigen::Index>(k);
+        const double c = std::clamp(model.estimate(at), one.lowest, one.highest);
+        const double error = 0.5 * std::fabs(one.value(std::min(one.highest, c + model.error(at))) -
+                                             one.value(std::max(one.lowest, c - model.error(at))));
+        found.parameters.push_back({p.key, p.unit, one.value(c), error});
+      }
+    }
+    list.push_back(std::move(found));
+  }
+  return list;
+}
+
+double Naming::closed_by(const Model& model) const {
+  return atomcam::closed_by(model, plain_, battery_);
+}
+
+bool Naming::passes(const Model& model) const {
+  if (contradicted(model) || beyond_its_law(model)) return false;
+  const double closed = closed_by(model);
+  // Stacks that scatter widely are never odd: an explanation also has to take the gap away.
+  if (model.p_value >= reject_level) return closed > (odd_under(model) ? least_closed : least_to_pass);
+  if (model.distance >= like_own) return false;
+  return closed > 0.95 || (closed > 0.8 && model.p_value > 1e-7);
+}
+
+/// The frames are not odd under it, but its own stacks scatter so widely that little of the gap shows in
+/// their units. It does not stand alone; a name that passes must be likelier.
+bool Naming::competes(const Model& model) const {
+  return model.p_value >= odd && !contradicted(model) && !beyond_its_law(model) &&
+         closed_in_own_units(model, plain_, battery_) > least_to_pass;
+}
+
+bool Naming::contradicted(const Model& model) const {
+  const Standard &plain = *plain_.standard, &own = *model.standard;
+  const Eigen::VectorXd allowed = model.with_undrawn(plain.discrepancy());
+  const Eigen::ArrayXd left = tolerated(model.z, own.deviation(), allowed).array().abs();
+  const Eigen::ArrayXd before = plain_.z.cwiseProduct(plain.deviation()).array().abs(),
+                       after = model.z.cwiseProduct(own.deviation()).array().abs();
+  return (plain.deviation().array() > 0 && left > clear_difference && after > as_it_was * before).any();
+}
+
+std::optional<Named> Naming::choose(std::span<Model> models) const {
+  std::vector<Model*> passed;
+  for (Model& model : models)
+    if (passes(model)) passed.push_back(&model);
+  if (passed.empty()) return {};
+  for (Model& model : models)
+    if (!passes(model) && competes(model)) passed.push_back(&model);
+  // What the frames are odd under gives way to what explains them and closes as much: likelihoods take a
+  // law that scatters little for a better one, as statistics that go together count nearly as if apart.
+  constexpr double odder = 20;
+  const std::vector<Model*> all = passed;
+  std::erase_if(passed, [&](const Model* near) {
+    return near->p_value < odd && std::any_of(all.begin(), all.end(), [&](const Model* model) {
+             const bool explains = near->p_value < reject_level ? model->p_value >= reject_level
+                                                                : model->p_value > odder * near->p_value;
+             return explains && closed_by(*model) >= closed_by(*near);
+           });
+  });
+  const std::vector<double> odds = odds_among(passed);
+  const auto first = static_cast<std::size_t>(std::max_element(odds.begin(), odds.end()) - odds.begin());
+  double total = 0;
+  for (const double one : odds) total += std::exp(one - odds[first]);
+  Named named{passed[first], Verdict::explained, 1 / total, {}};
+  if (named.probability >= sure) return named;
+  named.verdict = Verdict::ambiguous;
+  std::set<std::string> neighbours;
+  for (std::size_t k = 0; k < passed.size(); ++k)
+    if (k != first && std::exp(odds[k] - odds[first]) / total > possible)
+      neighbours.insert(passed[k]->effects.begin(), passed[k]->effects.end());
+  for (const std::string& name : named.model->effects) neighbours.erase(name);
+  named.confusable_with.assign(neighbours.begin(), neighbours.end());
+  return named;
+}
+
+/// Logarithms of how likely each is of those that pass, up to a constant: against the one that no other
+/// beats, or that loses least.
+std::vector<double> Naming::odds_among(const std::vector<Model*>& models) const {
+  const Eigen::VectorXd statistics = as_vector(real_.whole);
+  const auto count = static_cast<Eigen::Index>(models.size());
+  Eigen::MatrixXd odds = Eigen::MatrixXd::Zero(count, count);  // [one, other]
+  for (Eigen::Index i = 0; i < count; ++i)
+    for (Eigen::Index j = i + 1; j < count; ++j) {
+      const Rivals rivals(*models[static_cast<std::size_t>(i)], *models[static_cast<std::size_t>(j)]);
+      odds(i, j) = rivals.odds(statistics);
+      odds(j, i) = -odds(i, j);
+    }
+  Eigen::Index first = 0;
+  odds.rowwise().minCoeff().maxCoeff(&first);
+  std::vector<double> over_first(models.size());
+  for (Eigen::Index i = 0; i < count; ++i) over_first[static_cast<std::size_t>(i)] = odds(i, first);
+  return over_first;
+}
+
+std::optional<Named> Naming::nearest(std::span<Model> models) const {
+  if (models.empty()) return {};
+  Model& best = likeliest(models);
+  const double closed = closed_by(best);
+  if (closed < least_closed_if_odd || contradicted(best) || beyond_its_law(best)) return {};
+  return Named{
+      &best, closed >= 0.95 ? Verdict::explained : Verdict::partly_explained, 0.5 + 0.5 * closed, {}};
+}
+
+}  // namespace atomcam

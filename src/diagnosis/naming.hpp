@@ -1,0 +1,62 @@
+#pragma once
+// Which of the judged models, if any, is named as the explanation.
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "diagnosis/diagnosis.hpp"
+#include "diagnosis/model.hpp"
+
+namespace atomcam {
+
+/// Of the gap on held-out frames, for an effect to be named under which the frames are odd.
+inline constexpr double least_closed_if_odd = 0.9;
+
+/// The frames are odd under a model, even if it passes: at the place where it was judged, or at another one
+/// as likely.
+bool odd_under(const Model& model);
+
+/// The model that the real stack's statistics are likeliest under. One model or more.
+Model& likeliest(std::span<Model> models);
+
+/// A model that is named.
+struct Named {
+  Model* model = nullptr;
+  Verdict verdict = Verdict::explained;
+  double probability = 1;
+  std::vector<std::string> confusable_with;  // effects of other models that the data cannot tell from it
+};
+
+/// Its effects with their parameters at the estimates.
+std::vector<FoundEffect> found_effects(const Named& named);
+
+class Naming {
+ public:
+  /// What is judged before must outlive this.
+  Naming(const Model& plain, const BatteryValues& real, const std::vector<StatisticDeclaration>& battery)
+      : plain_(plain), real_(real), battery_(battery) {}
+
+  /// Nothing is left that the model does not have, or as little of a large gap as somebody's camera and the
+  /// catalogue's model of its effect may well differ.
+  bool passes(const Model& model) const;
+  /// A clear difference is left as it was, or made: whatever the effect takes away, it is not what made that.
+  bool contradicted(const Model& model) const;
+  /// Of the models that pass the one that is by far the likeliest, or the first of several that the data
+  /// cannot tell apart.
+  std::optional<Named> choose(std::span<Model> models) const;
+  /// No model passes: one that closes nearly all of a large gap is named all the same, with what it leaves.
+  std::optional<Named> nearest(std::span<Model> models) const;
+
+ private:
+  bool competes(const Model& model) const;
+  std::vector<double> odds_among(const std::vector<Model*>& models) const;
+  double closed_by(const Model& model) const;
+
+  const Model& plain_;
+  const BatteryValues& real_;
+  const std::vector<StatisticDeclaration>& battery_;
+};
+
+}  // namespace atomcam

@@ -33,7 +33,7 @@ double behind(double nearest) {
 class Race {
  public:
   Race(std::vector<Contender>& contenders, const FitGround& ground, const StackPlan& plan,
-       const StepProgress& progress, Ends& ends)
+       const DiagnosisProgress& progress, Ends& ends)
       : contenders_(contenders), ground_(ground), plan_(plan), progress_(progress), ends_(ends) {
     if (!contenders_.empty()) plain_ = plain_distance(ground_, plan_, contenders_.front().model.explains);
   }
@@ -107,7 +107,7 @@ class Race {
   std::vector<Contender>& contenders_;
   const FitGround& ground_;
   const StackPlan& plan_;
-  const StepProgress& progress_;
+  const DiagnosisProgress& progress_;
   Ends& ends_;
   double plain_ = 0;  // distance of the plain model
 };
@@ -180,7 +180,8 @@ std::string title(const Model& model) {
 
 std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, const FitGround& ground,
                                          const std::vector<StatisticDeclaration>& battery, double alone,
-                                         const StackPlan& plan, const StepProgress& progress, Ends& ends) {
+                                         const StackPlan& plan, const DiagnosisProgress& progress,
+                                         Ends& ends) {
   Race race(contenders, ground, plan, progress, ends);
   race.first(alone);
   race.follow_up();

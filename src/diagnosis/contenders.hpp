@@ -2,14 +2,13 @@
 // Models that may be the explanation, fitted side by side: some rounds for all of them, more for those that
 // come near, and the nearest are judged.
 
-#include <functional>
 #include <map>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "diagnosis/fit.hpp"
 #include "diagnosis/model.hpp"
+#include "diagnosis/progress.hpp"
 
 namespace atomcam {
 
@@ -26,8 +25,6 @@ struct Contender {
 /// Where the fits of each combination of effects came nearest: all open parameters.
 using Ends = std::map<std::vector<std::string>, std::vector<Uncertain>>;
 
-using StepProgress = std::function<void(const std::string& step, double done)>;  // 0 to 1
-
 /// The effects of a model, as people read them.
 std::string title(const Model& model);
 
@@ -35,6 +32,7 @@ std::string title(const Model& model);
 /// than `alone`, where a simpler model is, is let go after the first rounds. Adds to `ends`.
 std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, const FitGround& ground,
                                          const std::vector<StatisticDeclaration>& battery, double alone,
-                                         const StackPlan& plan, const StepProgress& progress, Ends& ends);
+                                         const StackPlan& plan, const DiagnosisProgress& progress,
+                                         Ends& ends);
 
 }  // namespace atomcam

@@ -13,6 +13,7 @@
 #include "analysis/battery.hpp"
 #include "calibration/calibrate.hpp"
 #include "diagnosis/character.hpp"
+#include "diagnosis/progress.hpp"
 #include "diagnosis/second_opinions.hpp"
 
 namespace atomcam {
@@ -103,8 +104,8 @@ struct DiagnosisOptions {
   std::size_t block = 10;  // frames of a part
   /// Where results of simulated stacks are kept for the next diagnosis of the same data; empty: nowhere.
   std::filesystem::path cache;
-  /// What is under way, how much of the whole is done (0 to 1).
-  std::function<void(std::string_view step, double done)> progress;
+  /// What is under way.
+  DiagnosisProgress progress;
   /// Called after every simulated stack, from any thread; what it or `progress` throws ends the work.
   std::function<void()> check_in;
 };

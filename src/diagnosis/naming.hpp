@@ -13,6 +13,8 @@ namespace atomcam {
 
 /// Of the gap on held-out frames, for an effect to be named under which the frames are odd.
 inline constexpr double least_closed_if_odd = 0.9;
+/// Of the gap in its own observables, for an effect to be named that explains no others.
+inline constexpr double least_part_closed = 0.75;
 
 /// The frames are odd under a model, even if it passes: at the place where it was judged, or at another one
 /// as likely.

@@ -1,0 +1,367 @@
+#include "diagnosis/search.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "diagnosis/gap_closed.hpp"
+#include "diagnosis/known_optics.hpp"
+#include "diagnosis/rivals.hpp"
+
+namespace atomcam {
+namespace {
+
+constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
+constexpr double pair_odds = 5;         // logarithm, over the likeliest of one effect, for two
+
+/// The effects whose strength is some errors away from nothing.
+std::vector<std::string> significant(const Model& model) {
+  std::vector<std::string> list;
+  for (const std::string& name : model.effects) {
+    const std::string key = "effects." + name + "." + find_effect(name)->parameters.front().key;
+    const bool clear = std::none_of(model.open.begin(), model.open.end(), [&](const Uncertain& one) {
+      const auto at = static_cast<Eigen::Index>(&one - model.open.data());
+      return one.name == key && (model.error(at) > 0.3 || model.estimate(at) < one.lowest + 0.2);
+    });
+    if (clear) list.push_back(name);
+  }
+  return list;
+}
+
+void sort(std::vector<Scan>& scans) {
+  std::sort(scans.begin(), scans.end(),
+            [](const Scan& a, const Scan& b) { return a.best().log_likelihood > b.best().log_likelihood; });
+}
+
+std::optional<Found> found(const std::optional<Named>& named) {
+  if (!named) return {};
+  return Found{named->verdict, found_effects(*named), std::move(*named->model)};
+}
+
+}  // namespace
+
+std::optional<Found> Search::run() {
+  seen_ = views_of(*ground_.plain.standard, as_vector(ground_.real.values->whole));
+  scan();
+  note_scans();
+  if (std::optional<Found> explanation = whole()) return explanation;
+  return in_part();
+}
+
+/// Every effect over its whole range, then closer and closer looks at fewer and fewer.
+void Search::scan() {
+  constexpr double begin = 0.25, middle = 0.5, look = 0.0035;  // of the progress
+  const Model& plain = ground_.plain;
+  const StackPlan& plan = ground_.plan;
+  const auto list = candidates(plain, ground_.excluded);
+  const double one_scan = (middle - begin) / static_cast<double>(std::max<std::size_t>(1, list.size()));
+  double done = begin;
+  for (const EffectDeclaration* effect : list) {
+    Scan one;
+    one.effect = effect;
+    const int stacks = 12 + 3 * static_cast<int>(effect->parameters.size());
+    explore(one, plain, stacks, plan, numbers_of("scan/" + effect->name),
+            stacks_done(ground_.progress, effect->name, done, done + one_scan, stacks));
+    done += one_scan;
+    scans_.push_back(std::move(one));
+  }
+  match(scans_, *plain.correlation, seen_, plan.threads);
+  sort(scans_);
+  for (const std::size_t leaders : {8u, 6u, 5u, 4u}) {
+    const std::span<Scan> nearest(scans_.data(), std::min(leaders, scans_.size()));
+    for (Scan& one : nearest) {
+      explore(one, plain, 8, plan, numbers_of(fmt::format("look {}/{}", leaders, one.effect->name)),
+              stacks_done(ground_.progress, one.effect->name, done, done + look, 8));
+      done += look;
+    }
+    match(nearest, *plain.correlation, seen_, plan.threads);
+    sort(scans_);
+  }
+}
+
+void Search::note_scans() {
+  for (const Scan& one : scans_) {
+    Hypothesis seen;
+    seen.effects = {one.effect->name};
+    seen.log_evidence = one.best().log_likelihood;
+    seen.share = one.best().share;
+    hypotheses.push_back(std::move(seen));
+  }
+}
+
+/// Single effects that the scan speaks for, each from the places where the truth may be.
+std::vector<Contender> Search::starts() {
+  constexpr double clear_share = 0.2;  // of the misfit: this effect is likely there
+  std::vector<Contender> contenders;
+  for (std::size_t k = 0; k < std::min<std::size_t>(6, scans_.size()); ++k) {
+    const Scan& scan = scans_[k];
+    const ScanView& view = scan.best();
+    // Beyond the first two only what the scan speaks for.
+    if (k > 1 && view.log_likelihood < std::max(0.0, 0.4 * scans_[0].best().log_likelihood - 20)) break;
+    std::vector<Eigen::VectorXd> places;
+    const auto start_at = [&](const Eigen::VectorXd& place, const char* why) {
+      for (const Eigen::VectorXd& other : places)
+        if (((place - other).cwiseAbs().array() <= view.width.array()).all()) return;
+      places.push_back(place);
+      contenders.push_back({scan.effect->name + why, with(ground_.plain, scan, place), view.log_likelihood});
+    };
+    start_at(view.best, "");
+    if (k >= 3 || scan.effect->name == field_focus_effect) continue;
+    // Also where the other view has it, if it speaks for the effect as well, and from the stack that really
+    // came nearest: the emulator may have led elsewhere.
+    const ScanView& other = scan.view[1 - scan.clearest()];
+    if (other.log_likelihood > 0.8 * view.log_likelihood - 5) start_at(other.best, ", other view");
+    Eigen::Index at = 0;
+    view.miss.minCoeff(&at);
+    start_at(scan.draws.row(at).transpose(), ", nearest");
+    if (k >= 2 || view.share < clear_share) continue;
+    // And the effect in its usual form: far from it a valley may lead away.
+    start_at(view.usual, ", usual");
+  }
+  return contenders;
+}
+
+/// One effect or two that explain all that is odd.
+std::optional<Found> Search::whole() {
+  const Eigen::VectorXd statistics = as_vector(ground_.real.values->whole);
+  std::vector<Model> singles = fit_and_judge(starts(), 0.58, 0.75);
+  if (const auto named = naming_.choose(singles)) return found(named);
+  for (Model& model : fit_and_judge(overlooked(), 0.75, 0.8)) singles.push_back(std::move(model));
+  if (const auto named = naming_.choose(singles)) return found(named);
+  // Pairs: those whose fingerprints add up best to the real one, then really simulated.
+  if (singles.empty()) return {};
+  const Model& left_alone = likeliest(singles);
+  const std::vector<PairMatch> matches = match_pairs(scans_, 4, seen_, ground_.plan.threads);
+  std::vector<Contender> candidates;
+  for (std::size_t k = 0; k < std::min<std::size_t>(4, matches.size()); ++k)
+    // A second effect must speak for itself: many others could soak up a little of what the first leaves.
+    if (matches[k].gain >= second_evidence) add_pair(matches[k], candidates);
+  std::vector<Model> pairs, undecided;
+  std::vector<Contender> lone;
+  double alone = 1e300;
+  for (const Model& model : singles) alone = std::min(alone, model.distance);
+  for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, alone)) {
+    // Strengths of what comes out differently every time are not known well: then likelihood tells, or what
+    // one effect cannot be right about.
+    const bool likelier = Rivals(model, left_alone).odds(statistics) > pair_odds;
+    const std::vector<std::string> needed = significant(model);
+    if (needed.size() < model.effects.size()) {
+      if (!naming_.passes(model)) continue;
+      // It may be the place that the pair's fit found for one of the two that explains.
+      if (needed.size() == 1)
+        lone.push_back({needed.front() + ", of " + title(model), only(model, needed.front()),
+                        evidence_for(needed.front())});
+      if (likelier || naming_.contradicted(left_alone)) undecided.push_back(std::move(model));
+      continue;
+    }
+    // The pair must leave much less than the better of the two alone, in its own standard deviations.
+    const bool better = likelier && model.gap - model.floor < 0.3 * (left_alone.gap - left_alone.floor);
+    if (model.p_value >= reject_level || better) pairs.push_back(std::move(model));
+  }
+  if (const auto named = naming_.choose(pairs)) return found(named);
+  for (Model& model : fit_and_judge(std::move(lone), 0.95, 1)) singles.push_back(std::move(model));
+  if (const auto named = naming_.choose(singles)) return found(named);
+  const Model& either = likeliest(singles);
+  std::erase_if(undecided, [&](const Model& model) {
+    return Rivals(model, either).odds(statistics) < pair_odds && !naming_.contradicted(either);
+  });
+  if (const auto named = naming_.choose(undecided)) return found(named);
+  std::vector<Model> all;
+  for (Model& model : singles) all.push_back(std::move(model));
+  for (Model& model : pairs) all.push_back(std::move(model));
+  return found(naming_.nearest(all));
+}
+
+/// Real cameras have several effects at once, some in no catalogue. One that has a law of its own is named
+/// for what it explains in its own observables though others stay odd. So is any effect in frames without
+/// atoms, if what it explains is most of what is odd: with atoms many effects look like a part of another.
+std::optional<Found> Search::in_part() {
+  constexpr double least_gap = 50;    // mean square of the largest deviations of these observables
+  constexpr double larger_gap = 200;  // without a law of its own
+  constexpr double promising = 0.3;   // part of their squares, by the scan, which does not recalibrate
+  constexpr double ahead = 0.15;      // of any other effect, of the gap
+  constexpr double grown = 1.1;       // the gap elsewhere must not be
+  constexpr double foremost = 0.25;   // nor, beside what the effect explains, without a law of its own
+  const Model& plain = ground_.plain;
+  const bool atoms = !plain.lab.scene.sites.empty();
+  for (const Scan& scan : scans_) {
+    const bool own_law = scan.effect->own_law;
+    if (!own_law && atoms) continue;
+    const std::vector<std::string>& observables = scan.effect->observables;
+    const Eigen::VectorXd own = only_of(observables, ground_.battery);
+    const Eigen::VectorXd others = Eigen::VectorXd::Ones(own.size()) - own;
+    const double gap = gap_of(plain.z.cwiseProduct(own));
+    if (gap < (own_law ? least_gap : larger_gap)) continue;
+    const PartMatch match = match_part(scan, own, seen_);
+    if (match.share < promising) continue;
+    std::vector<Model> judged = fit_in_part(scan, match, observables);
+    if (judged.empty()) continue;
+    Model& model = judged.front();
+    const Eigen::VectorXd elsewhere = in_larger_units(*model.standard, *plain.standard).cwiseProduct(others);
+    const double closed = closed_by(model, plain, ground_.battery);
+    const double left = gap_of(model.z.cwiseProduct(elsewhere));
+    if (significant(model).empty() || closed < (own_law ? least_part_closed : least_closed_if_odd) ||
+        left > grown * gap_of(plain.z.cwiseProduct(others)) || (!own_law && left > foremost * gap))
+      continue;
+    if (closed_by_rival(scan, model, own) > closed - ahead) continue;
+    return found(Named{&model, Verdict::partly_explained, 0.5 + 0.5 * closed, {}});
+  }
+  return {};
+}
+
+/// The model with the scan's effect added, about these parameters; what shapes the mean image as aberrations
+/// do with the optics that are known then.
+Model Search::with(const Model& before, const Scan& scan, const Eigen::VectorXd& about) {
+  Model model;
+  model.effects = before.effects;
+  model.effects.push_back(scan.effect->name);
+  model.lab = before.lab;
+  model.open = before.open;
+  model.first_effect_parameter = before.first_effect_parameter;
+  for (std::size_t k = 0; k < scan.open.size(); ++k) {
+    Uncertain one = scan.open[k];
+    one.centre = about(static_cast<Eigen::Index>(k));
+    one.width = std::clamp(scan.best().width(static_cast<Eigen::Index>(k)), 0.03 * (one.highest - one.lowest),
+                           0.08 * (one.highest - one.lowest));
+    model.open.push_back(std::move(one));
+  }
+  const Calibration& calibration = *ground_.real.calibration;
+  if (scan.effect->name == field_focus_effect) {
+    if (!field_focus_)
+      field_focus_ = fit_field_focus(calibration.mean_image, calibration.lab.optics, calibration.optics);
+    start_at_field_focus(model, *field_focus_, calibration);
+  }
+  if (scan.effect->name == wandering_effect) {
+    if (!moving_zernikes_) moving_zernikes_ = zernikes_of_moving_image(calibration, ground_.frames);
+    hold_zernikes(model, *moving_zernikes_, calibration);
+  }
+  return model;
+}
+
+/// The model with one of its effects alone, about what was estimated with the others.
+Model Search::only(const Model& model, const std::string& name) const {
+  const Model& plain = ground_.plain;
+  Model one;
+  one.effects = {name};
+  one.lab = model.lab;
+  one.first_effect_parameter = model.first_effect_parameter;
+  for (std::size_t k = 0; k < model.open.size(); ++k) {
+    const auto at = static_cast<Eigen::Index>(k);
+    Uncertain open = at < plain.first_effect_parameter ? plain.open[k] : model.open[k];
+    if (at >= plain.first_effect_parameter && !open.name.starts_with("effects." + name + ".")) continue;
+    open.centre = std::clamp(model.estimate(at), model.open[k].lowest, model.open[k].highest);
+    one.open.push_back(std::move(open));
+  }
+  return one;
+}
+
+/// Fitted and judged, noted among the hypotheses.
+std::vector<Model> Search::fit_and_judge(std::vector<Contender> contenders, double from, double to,
+                                         double alone) {
+  const auto progress = [&](std::string_view step, double done) {
+    if (ground_.progress) ground_.progress(step, from + done * (to - from));
+  };
+  std::vector<Model> judged;
+  for (Contender& one : fitted_and_judged(std::move(contenders), {&ground_.plain, ground_.real},
+                                          ground_.battery, alone, ground_.plan, progress, ends_)) {
+    note(one.model, one.evidence);
+    judged.push_back(std::move(one.model));
+  }
+  return judged;
+}
+
+void Search::note(const Model& model, double evidence) {
+  Hypothesis one;
+  one.effects = model.effects;
+  one.log_evidence = evidence;
+  one.p_value = model.p_value;
+  one.closed = closed_by(model, ground_.plain, ground_.battery);
+  if (model.p_value < reject_level) {
+    Eigen::Index worst = 0;
+    model.z.cwiseAbs().maxCoeff(&worst);
+    one.why_not = fmt::format("leaves {} at {:+.1f} sigma",
+                              ground_.battery[static_cast<std::size_t>(worst)].name, model.z(worst));
+  }
+  hypotheses.push_back(std::move(one));
+}
+
+/// What was not fitted yet though the scan says that it would take much away. Of a large gap the few stacks
+/// of a scan hardly tell which effect makes it: calibration follows, and no place of the scan is near.
+std::vector<Contender> Search::overlooked() {
+  constexpr double least_share = 0.1;
+  constexpr std::size_t most = 4;
+  std::vector<const Scan*> list;
+  for (const Scan& one : scans_)
+    if (one.best().share > least_share && !end_alone(one)) list.push_back(&one);
+  std::stable_sort(list.begin(), list.end(),
+                   [](const Scan* a, const Scan* b) { return a->best().share > b->best().share; });
+  if (list.size() > most) list.resize(most);
+  std::vector<Contender> contenders;
+  for (const Scan* one : list) {
+    const ScanView& view = one->best();
+    contenders.push_back({one->effect->name, with(ground_.plain, *one, view.best), view.log_likelihood});
+  }
+  return contenders;
+}
+
+/// Both effects as their fingerprints add up best, and each as it ended alone: what two strong effects do
+/// does not add up.
+void Search::add_pair(const PairMatch& match, std::vector<Contender>& candidates) {
+  const Scan &one = scans_[match.first], &two = scans_[match.second];
+  const std::string names = one.effect->name + " + " + two.effect->name;
+  candidates.push_back(
+      {names, with(with(ground_.plain, one, match.best_first), two, match.best_second), match.gain});
+  const auto first_alone = end_alone(one), second_alone = end_alone(two);
+  if (first_alone && second_alone)
+    candidates.push_back({names + ", each as alone",
+                          with(with(ground_.plain, one, *first_alone), two, *second_alone), match.gain});
+}
+
+/// Where the effect ended when it was fitted alone, if it was.
+std::optional<Eigen::VectorXd> Search::end_alone(const Scan& scan) const {
+  const auto at_end = ends_.find({scan.effect->name});
+  if (at_end == ends_.end()) return {};
+  const auto count = static_cast<Eigen::Index>(scan.open.size());
+  const auto from = std::ssize(at_end->second) - count;
+  Eigen::VectorXd end(count);
+  for (Eigen::Index k = 0; k < count; ++k) end(k) = at_end->second[static_cast<std::size_t>(from + k)].centre;
+  return end;
+}
+
+double Search::evidence_for(const std::string& name) const {
+  for (const Scan& one : scans_)
+    if (one.effect->name == name) return one.best().log_likelihood;
+  return 0;
+}
+
+/// One model or none.
+std::vector<Model> Search::fit_in_part(const Scan& scan, const PartMatch& match,
+                                       const std::vector<std::string>& observables) {
+  std::vector<Contender> contenders;
+  contenders.push_back(
+      {scan.effect->name + ", in part", with(ground_.plain, scan, match.best), scan.best().log_likelihood});
+  contenders.back().model.explains = observables;
+  return fit_and_judge(std::move(contenders), 0.95, 1);
+}
+
+/// What the other effect that the scan finds most of in these observables closes of their gap. Nothing,
+/// beside an effect without a law of its own, if it is far less likely all in all: what it does elsewhere is
+/// not there.
+double Search::closed_by_rival(const Scan& scan, const Model& model, const Eigen::VectorXd& own) {
+  constexpr double far_less = 30;  // of the logarithmic likelihood
+  const Scan* rival = nullptr;
+  PartMatch best;
+  for (const Scan& other : scans_)
+    if (PartMatch match = match_part(other, own, seen_); &other != &scan && match.share > best.share) {
+      rival = &other;
+      best = std::move(match);
+    }
+  if (!rival) return 0;
+  const std::vector<Model> judged = fit_in_part(*rival, best, model.explains);
+  if (judged.empty()) return 0;
+  if (!scan.effect->own_law && judged.front().log_likelihood < model.log_likelihood - far_less) return 0;
+  return closed_by(judged.front(), ground_.plain, ground_.battery);
+}
+
+}  // namespace atomcam

@@ -1,0 +1,77 @@
+#pragma once
+// Which effect, or which two, explain a gap: a scan of the catalogue, closer looks at what it speaks for,
+// fits by simulation from several starts, and the verdict on what they come to.
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "diagnosis/contenders.hpp"
+#include "diagnosis/diagnosis.hpp"
+#include "diagnosis/naming.hpp"
+#include "diagnosis/scan.hpp"
+
+namespace atomcam {
+
+/// What is searched, known before; it must outlive the search.
+struct SearchGround {
+  const Model& plain;  // judged
+  RealStack real;
+  const FrameSequence& frames;
+  const StackPlan& plan;
+  const std::vector<StatisticDeclaration>& battery;
+  std::vector<std::string> excluded;  // effects
+  DiagnosisProgress progress;
+};
+
+/// What explains the frames, or a part of what is odd in them.
+struct Found {
+  Verdict verdict = Verdict::explained;
+  std::vector<FoundEffect> effects;
+  Model model;
+};
+
+class Search {
+ public:
+  explicit Search(SearchGround ground)
+      : ground_(std::move(ground)), naming_(ground_.plain, *ground_.real.values, ground_.battery) {}
+
+  /// Empty if nothing in the catalogue explains the gap.
+  std::optional<Found> run();
+
+  /// Of every effect, the most promising first; the search has none any more.
+  std::vector<Scan> take_scans() { return std::move(scans_); }
+  /// All that was tried.
+  std::vector<Hypothesis> hypotheses;
+
+ private:
+  std::optional<Found> whole();
+  std::optional<Found> in_part();
+
+  void scan();
+  void note_scans();
+  std::vector<Contender> starts();
+  std::vector<Contender> overlooked();
+  void add_pair(const PairMatch& match, std::vector<Contender>& candidates);
+  std::optional<Eigen::VectorXd> end_alone(const Scan& scan) const;
+  std::vector<Model> fit_and_judge(std::vector<Contender> contenders, double from, double to,
+                                   double alone = 1e300);
+  std::vector<Model> fit_in_part(const Scan& scan, const PartMatch& match,
+                                 const std::vector<std::string>& observables);
+  double closed_by_rival(const Scan& scan, const Model& model, const Eigen::VectorXd& own);
+  Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about);
+  Model only(const Model& model, const std::string& name) const;
+  double evidence_for(const std::string& name) const;
+  void note(const Model& model, double evidence);
+
+  SearchGround ground_;
+  Naming naming_;
+  ScanViews seen_;  // the real stack
+  std::vector<Scan> scans_;
+  Ends ends_;
+  std::optional<FieldFocus> field_focus_;
+  std::optional<std::array<double, zernike_terms>> moving_zernikes_;
+};
+
+}  // namespace atomcam

@@ -688,6 +688,54 @@ def leakage_spots(s, k):
 
 
 @effect("optics", listed=False)
+def breathing_magnification(s, k):
+    """The array's image grows and shrinks from frame to frame."""
+    state = {"n": 0}
+    stretch = 1 + 0.006 * k * s.rng.normal(0, 1, s.count)
+
+    def zoom(fine, dark):
+        at = np.arange(fine.shape[0])
+        from_ = (at - at.mean()) / stretch[state["n"] % s.count] + at.mean()
+        state["n"] += 1
+        low = np.clip(np.floor(from_).astype(int), 0, at.size - 2)
+        part = from_ - low
+        rows = fine[low] * (1 - part)[:, None] + fine[low + 1] * part[:, None]
+        return rows[:, low] * (1 - part) + rows[:, low + 1] * part
+
+    s.on("fine", zoom)
+
+
+@effect("optics", listed=False)
+def second_plane(s, k):
+    """Atoms in a plane behind, far out of focus: one wide spot each."""
+    y, x = np.mgrid[: s.size, : s.size]
+
+    def behind(mean, dark):
+        if dark:
+            return mean
+        for n in range(len(mean)):
+            for _ in range(s.rng.poisson(3 * k)):
+                u, v = s.rng.uniform(0, s.size, 2)
+                spot = np.exp(-0.5 * ((x - u) ** 2 + (y - v) ** 2) / 5.0**2)
+                mean[n] += s.electrons_per_atom * spot / (2 * np.pi * 5.0**2)
+        return mean
+
+    s.on("mean", behind)
+
+
+@effect("optics", listed=False)
+def moving_stray_light(s, k):
+    """A gradient of stray light that turns around while the stack is taken."""
+    x, y = s.pixels()
+    turn = np.linspace(0, 2 * np.pi, s.count)[:, None, None]
+
+    def turned(mean, dark):
+        return mean if dark else mean + s.stray * min(0.9, 0.4 * k) * (x * np.cos(turn) + y * np.sin(turn))
+
+    s.on("mean", turned)
+
+
+@effect("optics", listed=False)
 def dust(s, k):
     """Rings of shadow, out of focus, in all light."""
     x, y = s.pixels()
@@ -747,6 +795,42 @@ def odd_even_columns(s, k):
     gain = 1 + 0.03 * k * (np.arange(s.size) % 2 * 2 - 1)
 
     s.on("signal", lambda signal, dark: signal * gain)
+
+
+@effect("sensor", listed=False)
+def bad_columns(s, k):
+    """A few columns that hardly collect, a few that leak."""
+    chosen = s.rng.permutation(s.size)[: 2 + int(2 * k)]
+    s.response[:, chosen[::2]] *= 1 - 0.4 * k / (1 + k)
+    s.dark = s.dark + np.zeros((s.size, s.size))
+    s.dark[:, chosen[1::2]] += 0.05 * k
+
+
+@effect("sensor", listed=False)
+def row_glitches(s, k):
+    """Now and then a row is read at another level."""
+
+    def glitch(counts, dark):
+        some = s.rng.random((len(counts), s.size, 1)) < 0.004 * k
+        return counts + some * 1.5 * s.read_noise * s.rng.normal(0, 1, some.shape)
+
+    s.on("counts", glitch)
+
+
+@effect("sensor", listed=False)
+def afterglow(s, k):
+    """Bright pixels glow for many frames."""
+
+    def glow(mean, dark):
+        if dark:
+            return mean
+        left, out = np.zeros_like(mean[0]), mean.copy()
+        for n in range(len(mean)):
+            out[n] += 0.004 * k * left
+            left = 0.95 * left + mean[n]
+        return out
+
+    s.on("mean", glow)
 
 
 @effect("sensor", listed=False)

@@ -18,7 +18,7 @@ namespace {
 
 // Of the gap on held-out frames, for an effect to be named; and under which the frames are so odd that only
 // a large gap that it takes away lets it pass.
-constexpr double least_closed = 0.75, least_closed_if_rejected = 0.96;
+constexpr double least_closed = 0.75;
 constexpr std::uintmax_t largest_cache = std::uintmax_t{4} << 30;
 
 /// All counts of a stack.

@@ -12,7 +12,8 @@ namespace atomcam {
 namespace {
 
 constexpr double odd = 0.05;                   // p-value of frames that a model fits none too well
-constexpr double least_closed = 0.75;          // of the gap, by a model that the frames are odd under
+constexpr double least_closed = 0.85;          // of the gap, by one effect that the frames are not odd under
+constexpr double least_closed_else = 0.95;     // by one that they are odd under, or two
 constexpr double clear_difference = 5.5;       // deviations from a model that nobody's camera explains
 constexpr double as_it_was = 0.8;              // what is left of one from the plain model, in its parts
 constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model alone, of one beside it
@@ -61,11 +62,10 @@ double Naming::closed_by(const Model& model) const {
 
 bool Naming::passes(const Model& model) const {
   if (contradicted(model) || beyond_its_law(model)) return false;
-  const double closed = closed_by(model);
-  // Stacks that scatter widely are never odd: an explanation also has to take the gap away.
-  if (model.p_value >= reject_level) return closed > (odd_under(model) ? least_closed : least_to_pass);
-  if (model.distance >= like_own) return false;
-  return closed > 0.95 || (closed > 0.8 && model.p_value > 1e-7);
+  // Stacks that scatter widely are never odd: an explanation also has to take the gap away. Two effects
+  // bend to much that is not theirs.
+  const bool alone = model.effects.size() == 1 && !odd_under(model);
+  return model.p_value >= reject_level && closed_by(model) > (alone ? least_closed : least_closed_else);
 }
 
 /// The frames are not odd under it, but its own stacks scatter so widely that little of the gap shows in
@@ -141,9 +141,8 @@ std::optional<Named> Naming::nearest(std::span<Model> models) const {
   if (models.empty()) return {};
   Model& best = likeliest(models);
   const double closed = closed_by(best);
-  if (closed < least_closed_if_odd || contradicted(best) || beyond_its_law(best)) return {};
-  return Named{
-      &best, closed >= 0.95 ? Verdict::explained : Verdict::partly_explained, 0.5 + 0.5 * closed, {}};
+  if (closed < least_closed_if_rejected || contradicted(best) || beyond_its_law(best)) return {};
+  return Named{&best, Verdict::partly_explained, 0.5 + 0.5 * closed, {}};
 }
 
 }  // namespace atomcam

@@ -13,6 +13,8 @@ namespace atomcam {
 
 /// Of the gap on held-out frames, for an effect to be named under which the frames are odd.
 inline constexpr double least_closed_if_odd = 0.9;
+/// On all frames as well, where these are too odd for an explanation: the effect is then named in part.
+inline constexpr double least_closed_if_rejected = 0.96;
 /// Of the gap in its own observables, for an effect to be named that explains no others.
 inline constexpr double least_part_closed = 0.75;
 
@@ -40,8 +42,7 @@ class Naming {
   Naming(const Model& plain, const BatteryValues& real, const std::vector<StatisticDeclaration>& battery)
       : plain_(plain), real_(real), battery_(battery) {}
 
-  /// Nothing is left that the model does not have, or as little of a large gap as somebody's camera and the
-  /// catalogue's model of its effect may well differ.
+  /// The frames are as the model's own stacks, and it takes the gap away.
   bool passes(const Model& model) const;
   /// A clear difference is left as it was, or made: whatever the effect takes away, it is not what made that.
   bool contradicted(const Model& model) const;

@@ -190,6 +190,7 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
 
 std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, double frame_px, double frames) {
   std::vector<Uncertain> open;
+  constexpr double longest_period = 0.7;  // of the frame
   const bool in_image = effect.plane == Plane::scene || effect.plane == Plane::photons;
   const ParameterValues defaults = [&] {
     ParameterValues values;
@@ -206,7 +207,10 @@ std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, double fram
     const bool size = !strength && p.minimum == 0 && p.unit == first.unit && p.unit != "1";
     const bool logarithmic = strength || size || p.scale == ParameterScale::logarithmic;
     double low = p.minimum, most = p.maximum;
-    if (in_image && p.unit == "px") most = std::min(most, std::max(2 * p.minimum, frame_px));
+    if (in_image && p.unit == "px") {
+      const double in_view = p.key.starts_with("period") ? longest_period * frame_px : frame_px;
+      most = std::min(most, std::max(2 * p.minimum, in_view));
+    }
     if (p.unit == "frames") most = std::min(most, std::max(2 * p.minimum, 2 * frames));
     double high = most;
     if (strength || size) {

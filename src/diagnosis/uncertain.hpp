@@ -48,8 +48,8 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration);
 
 /// The parameters of an effect over the whole range that is worth a look; the first is the strength
 /// (logarithmic). Switching the effect on is part of applying any of them. No length in the image exceeds
-/// `frame_px`, the frame's longer side, and no time twice the `frames` of the stack: a pattern of which less
-/// than one period is in view could be anything.
+/// `frame_px`, the frame's longer side, no period seven tenths of it, and no time twice the `frames` of the
+/// stack: a pattern of which hardly one period is in view could be anything.
 std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, double frame_px, double frames);
 
 /// The effect's stage: "scene", "optics" or "sensor".

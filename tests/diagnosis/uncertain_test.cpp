@@ -51,14 +51,17 @@ TEST(Uncertain, AFitMayLeadBeyondWhereAnEffectIsLookedForAndNoFartherThanItGoes)
   EXPECT_NEAR(one.value(one.highest), scale.maximum, 1e-6 * scale.maximum);
 }
 
-// Fringes of which a part of one period is in view are no fringes: they would fit any shading.
+// Fringes of which hardly one period is in view are no fringes: they would fit any shading.
 TEST(Uncertain, NoLengthInTheImageExceedsTheFrame) {
+  const Uncertain scale = effect_prior(*find_effect("scatter_halo"), 72, 300)[1];
+  ASSERT_EQ(scale.name, "effects.scatter_halo.scale_px");
+  EXPECT_NEAR(scale.value(scale.highest), 72, 1e-9);
   Uncertain period = effect_prior(*find_effect("etaloning_fringes"), 72, 300)[1];
   ASSERT_EQ(period.name, "effects.etaloning_fringes.period_px");
-  EXPECT_NEAR(period.value(period.highest), 72, 1e-9);
+  EXPECT_NEAR(period.value(period.highest), 0.7 * 72, 1e-9);
   period.width = 0.1;
   period.make_room_at(period.highest + 1);
-  EXPECT_NEAR(period.value(period.highest), 72, 1e-9);
+  EXPECT_NEAR(period.value(period.highest), 0.7 * 72, 1e-9);
   // A disturbance's period counts pixels as they are read, row after row.
   EXPECT_GT(effect_prior(*find_effect("emi_stripes"), 72, 300)[1].highest, std::log(600));
 }

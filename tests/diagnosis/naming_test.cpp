@@ -1,0 +1,76 @@
+#include "diagnosis/naming.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace atomcam {
+namespace {
+
+constexpr Eigen::Index stacks = 90, statistics = 40, moved = 10;
+constexpr double gap = 15;  // deviations
+
+/// Statistics of no parameter that scatter alike in all models; the frames have some of them far off.
+class Naming : public testing::Test {
+ protected:
+  Naming() : plain_(model({}, 0, 0)) {}
+
+  /// A model that takes so much of the gap away, and under which the frames are that odd.
+  Model model(std::vector<std::string> effects, double closed, double p_value) {
+    Model made;
+    made.effects = std::move(effects);
+    made.population.draws = noise(1);
+    made.population.whole = noise(statistics);
+    made.standard = std::make_unique<Standard>(made.population, Part::whole, std::vector<Eigen::Index>{},
+                                               Eigen::VectorXd::Zero(statistics));
+    made.p_value = p_value;
+    made.oddest = p_value;
+    made.log_likelihood = made.effects.empty() ? 0 : 1000;
+    made.z = noise(statistics).row(0).transpose();
+    made.z.head(moved).setConstant(gap * std::sqrt(1 - closed));
+    return made;
+  }
+  bool passes(std::vector<std::string> effects, double closed, double p_value) {
+    return naming().passes(model(std::move(effects), closed, p_value));
+  }
+  atomcam::Naming naming() const { return {plain_, real_, battery_}; }
+
+ private:
+  Eigen::MatrixXd noise(Eigen::Index columns) {
+    return Eigen::MatrixXd::NullaryExpr(stacks, columns, [&] { return normal_(random_); });
+  }
+  std::mt19937 random_{5};
+  std::normal_distribution<double> normal_;
+  Model plain_;
+  BatteryValues real_;
+  const std::vector<StatisticDeclaration> battery_ = std::vector<StatisticDeclaration>(statistics);
+};
+
+TEST_F(Naming, AnExplanationTakesTheGapAwayAndTheFramesAreNotOddUnderIt) {
+  EXPECT_TRUE(passes({"row_noise"}, 1, 0.5));
+  EXPECT_TRUE(passes({"row_noise"}, 0.88, 0.5));
+  EXPECT_FALSE(passes({"row_noise"}, 0.8, 0.5));
+  EXPECT_FALSE(passes({"row_noise"}, 1, 0.008));
+}
+
+TEST_F(Naming, MoreIsAskedOfTwoAndOfOneThatTheFramesAreOddUnder) {
+  EXPECT_FALSE(passes({"row_noise", "cti_tail"}, 0.92, 0.5));
+  EXPECT_TRUE(passes({"row_noise", "cti_tail"}, 0.98, 0.5));
+  EXPECT_FALSE(passes({"row_noise"}, 0.92, 0.03));
+  EXPECT_TRUE(passes({"row_noise"}, 0.98, 0.03));
+}
+
+// As what somebody's camera does may differ from the catalogue's model of it.
+TEST_F(Naming, WhatClosesNearlyAllOfAGapIsNamedInPart) {
+  std::vector<Model> models;
+  models.push_back(model({"row_noise"}, 0.99, 1e-4));
+  const auto nearest = naming().nearest(models);
+  ASSERT_TRUE(nearest);
+  EXPECT_EQ(nearest->verdict, Verdict::partly_explained);
+  models[0] = model({"row_noise"}, 0.93, 1e-4);
+  EXPECT_FALSE(naming().nearest(models));
+}
+
+}  // namespace
+}  // namespace atomcam

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "analysis/fourier.hpp"
 #include "analysis/series.hpp"
 
 namespace atomcam::analysis {
@@ -54,6 +55,30 @@ class SameLine {
   std::vector<Sums> sums_;
   double light_ = 0, light_pairs_ = 0, occupancy_ = 0, pairs_ = 0;
 };
+
+/// Of how few waves a pattern on the grid is made: the sum of the squares of its spectrum's powers, over the
+/// square of their sum. Fringes are made of a few; sites that differ each by itself, of all that there are.
+double few_waves(const std::vector<double>& value, const std::vector<std::size_t>& row,
+                 const std::vector<std::size_t>& column) {
+  // Twice the grid, or waves between its own frequencies would spread over several of them.
+  const auto twice = [](const std::vector<std::size_t>& at) {
+    return 2 * static_cast<int>(*std::max_element(at.begin(), at.end()) + 1);
+  };
+  ImageSpectrum spectrum(twice(row), twice(column));
+  const auto width = static_cast<std::size_t>(spectrum.columns()),
+             half = static_cast<std::size_t>(spectrum.half());
+  for (std::size_t s = 0; s < value.size(); ++s)
+    spectrum.image()[row[s] * width + column[s]] = static_cast<float>(value[s]);
+  spectrum.transform();
+  double sum = 0, squares = 0;
+  for (std::size_t i = 0; i < spectrum.spectrum().size(); ++i) {
+    const std::size_t k = i % half;
+    const double count = k == 0 || 2 * k == width ? 1 : 2;  // with its mirror image
+    const double power = static_cast<double>(std::norm(spectrum.spectrum()[i]));
+    sum += count * power, squares += count * power * power;
+  }
+  return squares / (sum * sum);
+}
 
 class SiteBrightness : public Family {
  public:
@@ -199,6 +224,7 @@ class SiteBrightness : public Family {
       sheet.put(name, "top_bottom", ok(sign(tb / std::sqrt(n))));
       sheet.put(name, "neighbours", ok(neighbours / chi));
       sheet.put(name, "checker", ok(sign(checker / std::sqrt(n))));
+      sheet.put(name, "few_waves", ok(std::log(few_waves(z, row_, column_))));
       sheet.put(name, "highest", ok(sign(top)));
       sheet.put(name, "lowest", ok(sign(bottom)));
     };

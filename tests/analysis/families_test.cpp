@@ -454,6 +454,15 @@ std::vector<Case> cases() {
                         1);
                   }),
                   {"light.point_spread.x.smooth", "light.point_spread.x.spread"}});
+  list.push_back({"fringes across the sites",
+                  true,
+                  false,
+                  in_brightness([](std::size_t, std::vector<double>& b) {
+                    for (std::size_t s = 0; s < b.size(); ++s)
+                      b[s] *= 1 + 0.08 * std::cos(1.7 * static_cast<double>(s % 5) +
+                                                  0.9 * static_cast<double>(s / 5));
+                  }),
+                  {"light.sites.by_site.few_waves"}});
   return list;
 }
 

@@ -147,8 +147,8 @@ bool foremost(const std::vector<StatisticDeclaration>& battery, const Eigen::Vec
   return largest(battery, z, counts) > std::max(clear, beside * z.cwiseAbs().maxCoeff());
 }
 
-/// Empty sites that all hold some light, and nothing else nearly as odd: light of the traps. Atoms that come
-/// and go during an exposure would show between empty and occupied, light of other atoms beyond the sites.
+/// Empty sites that all hold some light, and nothing else nearly as odd. Atoms that come and go during an
+/// exposure would show between empty and occupied, light of other atoms beyond the sites.
 bool empty_sites_glow(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, beside = 0.4;
   const auto of_the_empty = [](const auto& one) {
@@ -159,6 +159,14 @@ bool empty_sites_glow(const std::vector<StatisticDeclaration>& battery, const Ei
     if (battery[k].name == "light.sites.empty.mean") glow = z(static_cast<Eigen::Index>(k));
   return glow > clear &&
          largest(battery, z, [&](const auto& one) { return !of_the_empty(one); }) < beside * glow;
+}
+
+/// Empty sites glow more where an atom was in the frame before: the sensor remembers.
+bool sites_remember(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 5;
+  for (std::size_t k = 0; k < battery.size(); ++k)
+    if (battery[k].name == "light.sites.memory.afterglow") return z(static_cast<Eigen::Index>(k)) > clear;
+  return false;
 }
 
 /// Whether sites hold an atom more or less often than others: loading. The light's noise over the frame
@@ -227,7 +235,7 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
     return "optics";
   if (foremost(battery, z, is_loading)) return "scene";
   if (foremost(battery, z, is_smear)) return "sensor";
-  if (empty_sites_glow(battery, z)) return "optics";
+  if (empty_sites_glow(battery, z)) return sites_remember(battery, z) ? "sensor" : "optics";  // traps' light
   if (images_change_shape(battery, z)) return "optics";
   if (both && light_gathers(battery, z)) return "scene";
   if (sites_are_displaced(battery, z)) return field_is_displaced(battery, z) ? "optics" : "scene";

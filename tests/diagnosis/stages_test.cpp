@@ -124,12 +124,14 @@ TEST(Stages, EmptySitesThatGlowAndNothingElseAreOfTheOptics) {
       {"light.sites.empty.mean", "site_brightness", "intensity", "all sites", false},
       {"light.sites.histogram.p00", "site_histogram", "intensity", "all sites", false},
       {"light.sites.partial", "site_histogram", "intensity", "all sites", false},
+      {"light.sites.memory.afterglow", "lag_correlation", "time", "all sites", false},
       {"light.pixel_histogram.tail_fill", "pixel_histogram", "intensity", "dark pixels", false}};
-  const auto stage = [&](double empty, double partial) {
-    return stage_of_differences(sites, Eigen::Vector4d(empty, 15, partial, 3), {});
+  const auto stage = [&](double empty, double partial, double afterglow = 0) {
+    return stage_of_differences(sites, Eigen::Vector<double, 5>(empty, 15, partial, afterglow, 3), {});
   };
   EXPECT_EQ(stage(11, -3.5), "optics");
-  EXPECT_EQ(stage(11, 6), "scene");  // atoms that leave before the end
+  EXPECT_EQ(stage(30, -3.5, 8), "sensor");  // that remembers where atoms were
+  EXPECT_EQ(stage(11, 6), "scene");         // atoms that leave before the end
   EXPECT_EQ(stage(-11, 1), "scene");
   EXPECT_EQ(stage(7, 1), "scene");
 }

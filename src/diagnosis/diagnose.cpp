@@ -186,7 +186,9 @@ class Diagnoser {
     const GapClosed& gap = result_.gap;
     if (!final_.explains.empty()) return gap.part_closed_high < least_part_closed;
     if (final_.p_value < reject_level) return gap.closed < least_closed_if_rejected;
-    return odd_under(final_) ? gap.closed < least_closed_if_odd : gap.closed_high < least_closed;
+    // Half of the frames: half of the gap.
+    return odd_under(final_) ? gap.closed < least_closed_if_odd - 2 * chance_of(final_, plain_)
+                             : gap.closed_high < least_closed;
   }
 
   void conclude() {

@@ -218,20 +218,22 @@ void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   }
 }
 
-bool beyond_its_law(const Model& model) {
+std::string beyond_its_law(const Model& model) {
   constexpr double errors = 3, least = 0.05;  // the latter: of what is allowed
   for (const std::string& name : model.effects) {
     const auto& parameters = find_effect(name)->parameters;
-    for (auto p = parameters.begin() + 1; p != parameters.end(); ++p)
+    for (auto p = parameters.begin() + 1; p != parameters.end(); ++p) {
+      if (p->unit == "1" && p->minimum == 0 && p->maximum == 1) continue;  // a share: none beyond all
       for (Eigen::Index k = model.first_effect_parameter; k < std::ssize(model.open); ++k) {
         const Uncertain& one = model.open[static_cast<std::size_t>(k)];
         if (one.name != "effects." + name + "." + p->key || one.cycle > 0) continue;
         const double most = one.coordinate_of(p->maximum);
         if (model.estimate(k) - most > std::max(errors * model.error(k), least * (most - one.lowest)))
-          return true;
+          return one.name;
       }
+    }
   }
-  return false;
+  return "";
 }
 
 namespace {

@@ -86,9 +86,9 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
 /// `stacks` more, with wider draws of the effects' parameters that were so, to estimate them from (`wider`).
 void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first);
 
-/// Whether the frames want of one of the model's effects what it cannot be: a parameter beside its strength
-/// is estimated clearly beyond its maximum (noise that forgets so slowly that it is a drift).
-bool beyond_its_law(const Model& model);
+/// What the frames want of one of the model's effects that it cannot be: a parameter beside its strength that
+/// is estimated clearly beyond its maximum (noise that forgets so slowly that it is a drift); else empty.
+std::string beyond_its_law(const Model& model);
 
 /// What the real stack is, besides its battery: how it was calibrated, so that simulated ones can be alike.
 struct RealStack {

@@ -1,5 +1,7 @@
 #include "diagnosis/naming.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -28,6 +30,12 @@ Model& likeliest(std::span<Model> models) {
   return *std::max_element(models.begin(), models.end(), [](const Model& a, const Model& b) {
     return a.log_likelihood < b.log_likelihood;
   });
+}
+
+double chance_of(const Model& model, const Model& plain) {
+  const Floor floor(model.standard->own());
+  const double usual = floor.at(0.5), granted = floor.at(1 - reject_level) - usual;
+  return std::min(1.0, granted / std::max(plain.gap - usual, granted));
 }
 
 std::vector<FoundEffect> found_effects(const Named& named) {
@@ -60,28 +68,45 @@ double Naming::closed_by(const Model& model) const {
   return atomcam::closed_by(model, plain_, battery_);
 }
 
-bool Naming::passes(const Model& model) const {
-  if (contradicted(model) || beyond_its_law(model)) return false;
+std::string Naming::what_is_left(const Model& model, Eigen::Index at) const {
+  return fmt::format("leaves {} at {:+.1f} sigma", battery_[static_cast<std::size_t>(at)].name, model.z(at));
+}
+
+std::string Naming::objection(const Model& model) const {
+  if (model.p_value < reject_level) {
+    Eigen::Index worst = 0;
+    model.z.cwiseAbs().maxCoeff(&worst);
+    return what_is_left(model, worst);
+  }
+  if (const Eigen::Index at = largest_as_it_was(model); at >= 0)
+    return what_is_left(model, at) + ", as it was";
+  if (const std::string beyond = beyond_its_law(model); !beyond.empty())
+    return fmt::format("the frames want more of {} than it can be", beyond);
   // Stacks that scatter widely are never odd: an explanation also has to take the gap away. Two effects
   // bend to much that is not theirs.
+  const double closed = closed_by(model);
   const bool alone = model.effects.size() == 1 && !odd_under(model);
-  return model.p_value >= reject_level && closed_by(model) > (alone ? least_closed : least_closed_else);
+  const double least = (alone ? least_closed : least_closed_else) - chance_of(model, plain_);
+  if (closed > std::max(least, least_to_pass)) return "";
+  return fmt::format("closes {:.0f} % of the gap", std::floor(100 * closed));
 }
 
 /// The frames are not odd under it, but its own stacks scatter so widely that little of the gap shows in
 /// their units. It does not stand alone; a name that passes must be likelier.
 bool Naming::competes(const Model& model) const {
-  return model.p_value >= odd && !contradicted(model) && !beyond_its_law(model) &&
+  return model.p_value >= odd && !contradicted(model) && beyond_its_law(model).empty() &&
          closed_in_own_units(model, plain_, battery_) > least_to_pass;
 }
 
-bool Naming::contradicted(const Model& model) const {
+Eigen::Index Naming::largest_as_it_was(const Model& model) const {
   const Standard &plain = *plain_.standard, &own = *model.standard;
   const Eigen::VectorXd allowed = model.with_undrawn(plain.discrepancy());
   const Eigen::ArrayXd left = tolerated(model.z, own.deviation(), allowed).array().abs();
   const Eigen::ArrayXd before = plain_.z.cwiseProduct(plain.deviation()).array().abs(),
                        after = model.z.cwiseProduct(own.deviation()).array().abs();
-  return (plain.deviation().array() > 0 && left > clear_difference && after > as_it_was * before).any();
+  const auto counts = plain.deviation().array() > 0 && left > clear_difference && after > as_it_was * before;
+  Eigen::Index at = 0;
+  return counts.select(left, -1).maxCoeff(&at) > 0 ? at : -1;
 }
 
 std::optional<Named> Naming::choose(std::span<Model> models) const {
@@ -141,7 +166,7 @@ std::optional<Named> Naming::nearest(std::span<Model> models) const {
   if (models.empty()) return {};
   Model& best = likeliest(models);
   const double closed = closed_by(best);
-  if (closed < least_closed_if_rejected || contradicted(best) || beyond_its_law(best)) return {};
+  if (closed < least_closed_if_rejected || contradicted(best) || !beyond_its_law(best).empty()) return {};
   return Named{&best, Verdict::partly_explained, 0.5 + 0.5 * closed, {}};
 }
 

@@ -33,6 +33,10 @@ struct Named {
   std::vector<std::string> confusable_with;  // effects of other models that the data cannot tell from it
 };
 
+/// By how much less of a gap a model may close if the gap is hardly larger than what stacks differ by that
+/// have none: what is left of it is mostly chance. 0 for a large gap.
+double chance_of(const Model& model, const Model& plain);
+
 /// Its effects with their parameters at the estimates.
 std::vector<FoundEffect> found_effects(const Named& named);
 
@@ -43,9 +47,11 @@ class Naming {
       : plain_(plain), real_(real), battery_(battery) {}
 
   /// The frames are as the model's own stacks, and it takes the gap away.
-  bool passes(const Model& model) const;
+  bool passes(const Model& model) const { return objection(model).empty(); }
+  /// Why it does not pass, in words; empty if it does.
+  std::string objection(const Model& model) const;
   /// A clear difference is left as it was, or made: whatever the effect takes away, it is not what made that.
-  bool contradicted(const Model& model) const;
+  bool contradicted(const Model& model) const { return largest_as_it_was(model) >= 0; }
   /// Of the models that pass the one that is by far the likeliest, or the first of several that the data
   /// cannot tell apart.
   std::optional<Named> choose(std::span<Model> models) const;
@@ -56,6 +62,9 @@ class Naming {
   bool competes(const Model& model) const;
   std::vector<double> odds_among(const std::vector<Model*>& models) const;
   double closed_by(const Model& model) const;
+  std::string what_is_left(const Model& model, Eigen::Index at) const;
+  /// Where the largest difference is that is clear and as it was; none: -1.
+  Eigen::Index largest_as_it_was(const Model& model) const;
 
   const Model& plain_;
   const BatteryValues& real_;

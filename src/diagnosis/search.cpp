@@ -277,12 +277,7 @@ void Search::note(const Model& model, double evidence) {
   one.log_evidence = evidence;
   one.p_value = model.p_value;
   one.closed = closed_by(model, ground_.plain, ground_.battery);
-  if (model.p_value < reject_level) {
-    Eigen::Index worst = 0;
-    model.z.cwiseAbs().maxCoeff(&worst);
-    one.why_not = fmt::format("leaves {} at {:+.1f} sigma",
-                              ground_.battery[static_cast<std::size_t>(worst)].name, model.z(worst));
-  }
+  one.why_not = naming_.objection(model);
   hypotheses.push_back(std::move(one));
 }
 

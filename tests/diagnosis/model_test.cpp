@@ -31,16 +31,28 @@ TEST(Model, AnEffectIsNotWhatItsLawDoesNotReach) {
     model.estimate(1) = correlation;
     return beyond_its_law(model);
   };
-  EXPECT_FALSE(beyond(0.5));
-  EXPECT_FALSE(beyond(most + 0.05));  // within the errors
-  EXPECT_TRUE(beyond(most + 0.15));
-  EXPECT_FALSE(beyond(-0.2));
+  EXPECT_EQ(beyond(0.5), "");
+  EXPECT_EQ(beyond(most + 0.05), "");  // within the errors
+  EXPECT_EQ(beyond(most + 0.15), model.open[1].name);
+  EXPECT_EQ(beyond(-0.2), "");
   model.error(1) = 0.3;
-  EXPECT_FALSE(beyond(most + 0.15));
+  EXPECT_EQ(beyond(most + 0.15), "");
   // The strength may be whatever it is.
   model.error.setConstant(std::ssize(model.open), 0.03);
   model.estimate(0) = model.open[0].highest + 5;
-  EXPECT_FALSE(beyond(0.5));
+  EXPECT_EQ(beyond(0.5), "");
+}
+
+// Where the catalogue's law ends another effect may begin, but not beyond all of something.
+TEST(Model, AShareIsNeverBeyondItsLaw) {
+  Model model;
+  model.effects = {"vibration_jitter"};
+  model.open = effect_prior(*find_effect("vibration_jitter"), 64, 300);
+  model.estimate.setConstant(std::ssize(model.open), 0.5);
+  model.error.setConstant(std::ssize(model.open), 0.01);
+  ASSERT_EQ(model.open.back().name, "effects.vibration_jitter.slow_share");
+  model.estimate(std::ssize(model.open) - 1) = 1.4;
+  EXPECT_EQ(beyond_its_law(model), "");
 }
 
 TEST(Model, WhatItsStacksDoNotVaryIsUncertainAllTheSame) {

@@ -29,6 +29,7 @@ class Naming : public testing::Test {
     made.log_likelihood = made.effects.empty() ? 0 : 1000;
     made.z = noise(statistics).row(0).transpose();
     made.z.head(moved).setConstant(gap * std::sqrt(1 - closed));
+    made.gap = gap_of(made.z);
     return made;
   }
   bool passes(std::vector<std::string> effects, double closed, double p_value) {
@@ -59,6 +60,23 @@ TEST_F(Naming, MoreIsAskedOfTwoAndOfOneThatTheFramesAreOddUnder) {
   EXPECT_TRUE(passes({"row_noise", "cti_tail"}, 0.98, 0.5));
   EXPECT_FALSE(passes({"row_noise"}, 0.92, 0.03));
   EXPECT_TRUE(passes({"row_noise"}, 0.98, 0.03));
+}
+
+TEST_F(Naming, OfASmallGapAPartMayBeChance) {
+  const Model found = model({"row_noise"}, 1, 0.5);
+  EXPECT_LT(chance_of(found, model({}, 0, 0)), 0.03);
+  EXPECT_GT(chance_of(found, model({}, 0.95, 0)), 0.1);
+  EXPECT_EQ(chance_of(found, model({}, 1, 0)), 1);
+}
+
+TEST_F(Naming, WhatDoesNotPassIsToldWhy) {
+  const auto objection = [&](double closed, double p_value) {
+    return naming().objection(model({"row_noise"}, closed, p_value));
+  };
+  EXPECT_EQ(objection(1, 0.5), "");
+  EXPECT_TRUE(objection(0.83, 0.5).starts_with("closes 8")) << objection(0.83, 0.5);
+  EXPECT_TRUE(objection(1, 0.008).starts_with("leaves ")) << objection(1, 0.008);
+  EXPECT_TRUE(objection(0, 0.5).ends_with(" sigma, as it was")) << objection(0, 0.5);
 }
 
 // As what somebody's camera does may differ from the catalogue's model of it.

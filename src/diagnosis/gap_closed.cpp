@@ -78,20 +78,13 @@ struct ClosedByAll {
   bool in_own_units = false, stands_out = false;
 };
 ClosedByAll closed_by_all(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
-  constexpr double least_evidence = 24;   // logarithm, beyond the plain model's
-  constexpr double least_share = 0.15;    // of what the frames are less likely than the plain model's own
-  constexpr double least_likely = 0.001;  // p-value: no effect of the catalogue is right to all digits
-  constexpr double stands_out = 3;        // times the plain model's own
+  constexpr double stands_out = 3;  // times the plain model's own
   const Eigen::VectorXd units = in_larger_units(*plain.standard, *model.standard).cwiseProduct(mask);
   const double closed =
       closed_in(units, in_larger_units(*model.standard, *plain.standard).cwiseProduct(mask), model, plain);
   const bool seen =
       gap_of(plain.z.cwiseProduct(units)) > stands_out * Floor(plain.standard->own(), units).at(0.5);
-  const double evidence = model.log_likelihood - plain.log_likelihood;
-  const double missing = plain.usual_log_likelihood - plain.log_likelihood;
-  if (closed > least_to_pass || model.p_value < least_likely ||
-      evidence < std::max(least_evidence, least_share * missing))
-    return {closed, false, seen};
+  if (closed > least_to_pass || !much_likelier(model, plain)) return {closed, false, seen};
   return {closed_in(mask, mask, model, plain), true, seen};
 }
 
@@ -221,6 +214,15 @@ double closed_in_own_units(const Model& model, const Model& plain,
                            const std::vector<StatisticDeclaration>& battery) {
   const Eigen::VectorXd mask = only_of(model.explains, battery);
   return as_own_stacks_may(closed_in(mask, mask, model, plain), model, plain, mask);
+}
+
+bool much_likelier(const Model& model, const Model& plain) {
+  constexpr double least_evidence = 24;   // logarithm, beyond the plain model's
+  constexpr double least_share = 0.15;    // of what the frames are less likely than the plain model's own
+  constexpr double least_likely = 0.001;  // p-value: no effect of the catalogue is right to all digits
+  const double evidence = model.log_likelihood - plain.log_likelihood;
+  const double missing = plain.usual_log_likelihood - plain.log_likelihood;
+  return model.p_value >= least_likely && evidence >= std::max(least_evidence, least_share * missing);
 }
 
 bool differs_as_own_stacks(const Model& model, const Model& plain,

@@ -28,6 +28,10 @@ double closed_by(const Model& model, const Model& plain, const std::vector<Stati
 double closed_in_own_units(const Model& model, const Model& plain,
                            const std::vector<StatisticDeclaration>& battery);
 
+/// Whether the frames are hardly odd under the model and much likelier than under the plain one, though its
+/// scatter counts against it.
+bool much_likelier(const Model& model, const Model& plain);
+
 /// Whether the frames differ from the judged model only in directions in which its own stacks scatter
 /// together: what is left without these is as little as the plain model leaves of its own.
 bool differs_as_own_stacks(const Model& model, const Model& plain,

@@ -33,6 +33,7 @@ Model& likeliest(std::span<Model> models) {
 }
 
 double chance_of(const Model& model, const Model& plain) {
+  if (model.oddest < reject_level) return 0;
   const Floor floor(model.standard->own());
   const double usual = floor.at(0.5), granted = floor.at(1 - reject_level) - usual;
   return std::min(1.0, granted / std::max(plain.gap - usual, granted));
@@ -84,9 +85,12 @@ std::string Naming::objection(const Model& model) const {
     return fmt::format("the frames want more of {} than it can be", beyond);
   // Stacks that scatter widely are never odd: an explanation also has to take the gap away. Two effects
   // bend to much that is not theirs.
-  const double closed = closed_by(model);
+  double closed = closed_by(model);
   const bool alone = model.effects.size() == 1 && !odd_under(model);
   const double least = (alone ? least_closed : least_closed_else) - chance_of(model, plain_);
+  // What comes out differently every time hides a part of the gap.
+  if (!odd_under(model) && much_likelier(model, plain_))
+    closed = std::max(closed, closed_in_own_units(model, plain_, battery_));
   if (closed > std::max(least, least_to_pass)) return "";
   return fmt::format("closes {:.0f} % of the gap", std::floor(100 * closed));
 }
@@ -104,7 +108,8 @@ Eigen::Index Naming::largest_as_it_was(const Model& model) const {
   const Eigen::ArrayXd left = tolerated(model.z, own.deviation(), allowed).array().abs();
   const Eigen::ArrayXd before = plain_.z.cwiseProduct(plain.deviation()).array().abs(),
                        after = model.z.cwiseProduct(own.deviation()).array().abs();
-  const auto counts = plain.deviation().array() > 0 && left > clear_difference && after > as_it_was * before;
+  const Eigen::Array<bool, Eigen::Dynamic, 1> counts =
+      plain.deviation().array() > 0 && left > clear_difference && after > as_it_was * before;
   Eigen::Index at = 0;
   return counts.select(left, -1).maxCoeff(&at) > 0 ? at : -1;
 }

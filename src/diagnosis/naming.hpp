@@ -34,7 +34,8 @@ struct Named {
 };
 
 /// By how much less of a gap a model may close if the gap is hardly larger than what stacks differ by that
-/// have none: what is left of it is mostly chance. 0 for a large gap.
+/// have none: what is left of it is mostly chance. 0 for a large gap, and where the frames are too odd at
+/// another place that is as likely.
 double chance_of(const Model& model, const Model& plain);
 
 /// Its effects with their parameters at the estimates.

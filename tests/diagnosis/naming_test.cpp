@@ -5,6 +5,8 @@
 #include <cmath>
 #include <random>
 
+#include "diagnosis/gap_closed.hpp"
+
 namespace atomcam {
 namespace {
 
@@ -67,6 +69,21 @@ TEST_F(Naming, OfASmallGapAPartMayBeChance) {
   EXPECT_LT(chance_of(found, model({}, 0, 0)), 0.03);
   EXPECT_GT(chance_of(found, model({}, 0.95, 0)), 0.1);
   EXPECT_EQ(chance_of(found, model({}, 1, 0)), 1);
+}
+
+TEST_F(Naming, HowMuchLikelierAnEffectMustBeIsPartOfWhatThePlainModelMisses) {
+  Model plain = model({}, 0, 0), found = model({"row_noise"}, 1, 0.5);
+  plain.usual_log_likelihood = 100;  // 100 more than the frames have under it
+  found.log_likelihood = 20;
+  EXPECT_FALSE(much_likelier(found, plain));
+  found.log_likelihood = 30;
+  EXPECT_TRUE(much_likelier(found, plain));
+  plain.usual_log_likelihood = 400;
+  EXPECT_FALSE(much_likelier(found, plain));
+  found.log_likelihood = 70;
+  EXPECT_TRUE(much_likelier(found, plain));
+  found.p_value = 5e-4;
+  EXPECT_FALSE(much_likelier(found, plain));
 }
 
 TEST_F(Naming, WhatDoesNotPassIsToldWhy) {

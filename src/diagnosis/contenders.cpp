@@ -142,8 +142,7 @@ Model about_estimate(const Model& model, bool calibration) {
   }
   if (calibration)
     for (Eigen::Index k = 0; k < model.first_effect_parameter; ++k)
-      if (Uncertain& one = moved.open[static_cast<std::size_t>(k)]; !one.held)
-        one.move_to(model.estimate(k));
+      if (Uncertain& one = moved.open[static_cast<std::size_t>(k)]; !one.held) one.move_to(model.estimate(k));
   return moved;
 }
 

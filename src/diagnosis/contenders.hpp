@@ -12,8 +12,8 @@
 
 namespace atomcam {
 
-inline constexpr double like_own = 1.1;        // distance of a fit about as near as the model's own stacks
-inline constexpr double reject_level = 0.01;   // p-value: a fitted model below it is not the explanation
+inline constexpr double like_own = 1.1;       // distance of a fit about as near as the model's own stacks
+inline constexpr double reject_level = 0.01;  // p-value: a fitted model below it is not the explanation
 
 /// A model that may be the explanation, from one start.
 struct Contender {

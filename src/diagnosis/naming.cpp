@@ -85,13 +85,14 @@ std::string Naming::objection(const Model& model) const {
     return fmt::format("the frames want more of {} than it can be", beyond);
   // Stacks that scatter widely are never odd: an explanation also has to take the gap away. Two effects
   // bend to much that is not theirs.
+  const bool odd_here = odd_under(model), alone = model.effects.size() == 1 && !odd_here;
+  const double least =
+      std::max(least_to_pass, (alone ? least_closed : least_closed_else) - chance_of(model, plain_));
   double closed = closed_by(model);
-  const bool alone = model.effects.size() == 1 && !odd_under(model);
-  const double least = (alone ? least_closed : least_closed_else) - chance_of(model, plain_);
   // What comes out differently every time hides a part of the gap.
-  if (!odd_under(model) && much_likelier(model, plain_))
+  if (closed <= least && !odd_here && much_likelier(model, plain_))
     closed = std::max(closed, closed_in_own_units(model, plain_, battery_));
-  if (closed > std::max(least, least_to_pass)) return "";
+  if (closed > least) return "";
   return fmt::format("closes {:.0f} % of the gap", std::floor(100 * closed));
 }
 

@@ -34,29 +34,67 @@ def effect(stage, cameras="emccd qcmos", listed=True):
     return add
 
 
+def usual_lab(rng, emccd):
+    """Set-points as they are noted, and how close the sites are: always the same but for the exposure."""
+    return {
+        "exposure": rng.uniform(0.05, 0.12),
+        "magnification": 78.125 if emccd else 30.0,
+        "aperture": 0.65,
+        "wavelength": 0.461,
+        "stray": 2.0 if emccd else 4.0,
+        "filling": 0.55,
+        "em_gain": 300.0,
+        "preamp": 4.85 if emccd else 0.107,
+        "bias": 200.0,
+        "spacing": None,
+        "left_out": None,
+    }
+
+
+def any_lab(lab, rng, emccd):
+    """Of other set-points: darker and brighter, finer and coarser, any grid that fits."""
+    u = rng.uniform
+    wavelength, aperture = ((0.461, 0.65), (0.556, 0.6), (0.78, 0.55))[int(rng.integers(3))]
+    lab |= {"wavelength": wavelength, "aperture": aperture, "exposure": float(np.exp(u(np.log(0.02), np.log(0.3))))}
+    lab["magnification"] *= u(0.85, 1.3) * wavelength / aperture * 0.65 / 0.461
+    lab["stray"] *= float(np.exp(u(np.log(0.3), np.log(4))))
+    lab["filling"] = u(0.35, 0.9)
+    if emccd:
+        lab["em_gain"] = float(rng.choice([100.0, 200.0, 500.0, 900.0]))
+        lab["preamp"] = float(rng.choice([4.85, 9.2, 15.5]))
+    lab["bias"] = float(rng.choice([100.0, 300.0, 500.0]))
+    lab["spacing"] = u(7, 16)
+    lab["left_out"] = [int(v) for v in rng.integers(0, 4, 2)]
+    return lab
+
+
 class Stack:
     """One lab and the arrays that become its frames, effects having their say in between."""
 
-    def __init__(self, rng, camera, frames, darks, size, apodisation=0.0):
+    def __init__(self, rng, camera, frames, darks, size, apodisation=0.0, other_labs=None):
         self.rng, self.camera, self.size = rng, camera, size
         self.count, self.dark_count = frames, darks
         self.emccd = camera == "emccd"
         self.hooks = {"light": [], "fine": [], "mean": [], "electrons": [], "signal": [], "counts": []}
         u = rng.uniform
-        self.exposure = u(0.05, 0.12)
-        self.pixel, self.magnification = (16.0, 78.125) if self.emccd else (4.6, 30.0)
-        self.wavelength, self.aperture = 0.461, 0.65
+        self.noted = usual_lab(rng, self.emccd)
+        if other_labs is not None:
+            self.noted = any_lab(self.noted, other_labs, self.emccd)
+        self.exposure = self.noted["exposure"]
+        self.pixel, self.magnification = 16.0 if self.emccd else 4.6, self.noted["magnification"]
+        self.wavelength, self.aperture = self.noted["wavelength"], self.noted["aperture"]
         self.quantum_efficiency = 0.86 if self.emccd else 0.85
-        self.noted_rate, self.noted_stray = 30000.0, 2.0 if self.emccd else 4.0
+        self.noted_rate, self.noted_stray = 30000.0, self.noted["stray"]
         collected = 0.5 * (1 - np.sqrt(1 - self.aperture**2))
         self.electrons_per_atom = (
             self.noted_rate * u(0.8, 1.3) * self.exposure * collected * self.quantum_efficiency
         )
         self.stray = self.noted_stray * u(0.6, 1.7) * self.exposure
-        self.filling, self.survival = u(0.45, 0.7), u(0.93, 0.995)
-        self.bias = 200 + u(-3, 3)
+        self.filling = min(0.97, u(0.45, 0.7) - 0.55 + self.noted["filling"])
+        self.survival = u(0.93, 0.995)
+        self.bias = self.noted["bias"] + u(-3, 3)
         if self.emccd:
-            self.em_gain, self.electrons_per_count = 300 * u(0.8, 1.2), 4.85
+            self.em_gain, self.electrons_per_count = self.noted["em_gain"] * u(0.8, 1.2), self.noted["preamp"]
             self.read_noise = 4 * u(0.9, 1.15)
             self.dark = 0.002 * u(0.7, 1.4) + 3e-4 * self.exposure
         else:
@@ -71,7 +109,10 @@ class Stack:
             )
             self.noise_map = self.read_noise * np.maximum(0.3, rng.normal(1, u(0.03, 0.1), shape))
         spacing = u(8.6, 11.5)
-        self.grid_rows, self.grid_cols = (int((size - 20) / spacing) + 1 - int(rng.integers(0, 2)) for _ in range(2))
+        left_out = [int(rng.integers(0, 2)) for _ in range(2)]
+        if other_labs is not None:
+            spacing, left_out = self.noted["spacing"], self.noted["left_out"]
+        self.grid_rows, self.grid_cols = (max(2, int((size - 20) / spacing) + 1 - n) for n in left_out)
         self.spacing = spacing
         first = [0.5 * (size - 1 - (n - 1) * spacing) for n in (self.grid_cols, self.grid_rows)]
         self.noted_first = [round(v, 1) for v in first]
@@ -212,8 +253,8 @@ class Stack:
         settings = {
             "quantum_efficiency": self.quantum_efficiency,
             "exposure_s": self.exposure,
-            "preamp_e_per_adu": 4.85 if self.emccd else 0.107,
-            "bias_adu": 200.0,
+            "preamp_e_per_adu": self.noted["preamp"],
+            "bias_adu": self.noted["bias"],
             "read_noise_adu": 4.0,
             "dark_e_per_s": 3e-4 if self.emccd else 0.006,
             "pixel_um": self.pixel,
@@ -222,11 +263,11 @@ class Stack:
             "wavelength_um": self.wavelength,
             "scattering_rate_hz": self.noted_rate,
             "stray_e_per_s": self.noted_stray,
-            "filling": 0.55,
+            "filling": round(self.noted["filling"], 2),
             "survival": 0.97,
         }
         if self.emccd:
-            settings |= {"em_gain": 300.0, "cic_e": 0.002}
+            settings |= {"em_gain": self.noted["em_gain"], "cic_e": 0.002}
         return {
             "camera": "iXon Ultra 897" if self.emccd else "ORCA-Quest",
             "shape": [self.size, self.size],
@@ -972,6 +1013,7 @@ def main():
     parser.add_argument("--camera", choices=["emccd", "qcmos"], help="always this one")
     parser.add_argument("--strength", type=int, choices=[1, 2, 3], help="always this one (drawn)")
     parser.add_argument("--unlisted", action="store_true", help="only effects that are in no catalogue")
+    parser.add_argument("--any-lab", action="store_true", help="other exposures, gains, optics and grids, too")
     parser.add_argument("--list", action="store_true", help="name the effects, make nothing")
     options = parser.parse_args()
     if options.list:
@@ -994,7 +1036,8 @@ def main():
         camera = cameras[int(rng.integers(len(cameras)))]
         if options.camera in cameras:
             camera = options.camera
-        stack = Stack(rng, camera, options.frames, options.darks, options.size, options.apodisation)
+        other_labs = np.random.default_rng([options.seed, number, 1]) if options.any_lab else None
+        stack = Stack(rng, camera, options.frames, options.darks, options.size, options.apodisation, other_labs)
         sealed = []
         for name in names:
             drawn = int(rng.integers(1, 4))

@@ -346,7 +346,10 @@ class Model {
 
 Lattice find_lattice(const MeanImage& mean, const Lattice& noted, double spot_px) {
   const int rows = mean.electrons.rows(), columns = mean.electrons.columns();
-  // The mean image smoothed by the spot: its value at a position is the correlation with a spot there.
+  // The mean image smoothed by the spot, its value at a position is the correlation with a spot there; by
+  // less where images overlap, of which too little would be left to tell one from the next.
+  const double spacing = std::max(4.0, std::hypot(noted.a_x, noted.a_y));
+  if (noted.sites() > 1) spot_px = std::min(spot_px, 0.2 * spacing);
   const int reach = std::max(1, static_cast<int>(std::ceil(2.5 * spot_px)));
   std::vector<double> kernel(2 * static_cast<std::size_t>(reach) + 1);
   double total = 0;
@@ -383,10 +386,22 @@ Lattice find_lattice(const MeanImage& mean, const Lattice& noted, double spot_px
     return (1 - v) * ((1 - u) * smooth(j, i) + u * smooth(j, i + 1)) +
            v * ((1 - u) * smooth(j + 1, i) + u * smooth(j + 1, i + 1));
   };
+  // Light of the sites over that half-way between them: where images overlap, more of it lies about the
+  // middle of the array, which a lattice that is too narrow must not gather.
+  const double half_i = noted.columns > 1 ? 0.5 : 0, half_j = noted.rows > 1 ? 0.5 : 0;
   const auto score = [&](const Lattice& lattice) {
+    const auto light = [&](double i, double j) {
+      return at(lattice.origin_x + i * lattice.a_x + j * lattice.b_x,
+                lattice.origin_y + i * lattice.a_y + j * lattice.b_y);
+    };
     double sum = 0;
     for (int j = 0; j < lattice.rows; ++j)
-      for (int i = 0; i < lattice.columns; ++i) sum += at(lattice.x(i, j), lattice.y(i, j));
+      for (int i = 0; i < lattice.columns; ++i) {
+        sum += light(i, j);
+        if (lattice.sites() == 1) continue;
+        for (const double u : {-half_i, half_i})
+          for (const double v : {-half_j, half_j}) sum -= 0.25 * light(i + u, j + v);
+      }
     return sum;
   };
   const auto about_middle = [&](const Lattice& from, double dx, double dy, double scale, double turn) {
@@ -402,7 +417,6 @@ Lattice find_lattice(const MeanImage& mean, const Lattice& noted, double spot_px
   // Displacements of up to half a spacing, spacings some percent off, angles some degrees off.
   Lattice best = noted;
   double best_score = score(noted);
-  const double spacing = std::max(4.0, std::hypot(noted.a_x, noted.a_y));
   const double span = std::max({noted.columns, noted.rows, 2}) * spacing / 2;
   const double turn_step = spot_px / span, scale_step = spot_px / span;
   const int turns = noted.sites() > 1 ? static_cast<int>(std::ceil(0.06 / turn_step)) : 0;

@@ -106,6 +106,32 @@ TEST(OpticsFit, ModelErrsLessThanAStackKnows) {
 
 // An image in focus with astigmatism: fits that start from a defocus end at another, beside the truth (one of
 // forty such images drawn by chance did).
+TEST(OpticsFit, LatticeIsFoundWhereImagesOverlap) {
+  OpticsDescription optics = emccd_optics();
+  optics.wavelength_um = 0.78;
+  optics.numerical_aperture = 0.55;
+  optics.magnification = 172;
+  optics.zernike_um[3] = 0.05;
+  const Lattice truth{.columns = 6,
+                      .rows = 6,
+                      .origin_x = 21.7,
+                      .origin_y = 20.6,
+                      .a_x = 10.52,
+                      .a_y = 0.05,
+                      .b_x = -0.05,
+                      .b_y = 10.52};
+  Lattice noted = truth;
+  noted.origin_x = noted.origin_y = 21.2;
+  noted.a_x = noted.b_y = 10.54;
+  noted.a_y = noted.b_x = 0;
+  const double spot_px = 0.25 * 0.78 / 0.55 * 172 / 16;
+  const Lattice found = find_lattice(mean_image_of(optics, truth, {96, 96}), noted, spot_px);
+  for (const int i : {0, 5})
+    for (const int j : {0, 5})
+      EXPECT_LT(std::hypot(found.x(i, j) - truth.x(i, j), found.y(i, j) - truth.y(i, j)), 0.5 * spot_px)
+          << i << " " << j;
+}
+
 TEST(OpticsFit, FocusWithAstigmatismIsNoDefocus) {
   OpticsDescription optics;
   optics.pixel_um = 4.6;

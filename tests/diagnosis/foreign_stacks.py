@@ -56,7 +56,7 @@ def any_lab(lab, rng, emccd):
     u = rng.uniform
     wavelength, aperture = ((0.461, 0.65), (0.556, 0.6), (0.78, 0.55))[int(rng.integers(3))]
     lab |= {"wavelength": wavelength, "aperture": aperture, "exposure": float(np.exp(u(np.log(0.02), np.log(0.3))))}
-    lab["magnification"] *= u(0.85, 1.3) * wavelength / aperture * 0.65 / 0.461
+    lab["magnification"] *= u(0.85, 1.3) * aperture / wavelength * 0.461 / 0.65  # about as sharp in pixels
     lab["stray"] *= float(np.exp(u(np.log(0.3), np.log(4))))
     lab["filling"] = u(0.35, 0.9)
     if emccd:

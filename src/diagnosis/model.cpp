@@ -339,6 +339,7 @@ Model plain_model(const RealStack& real, int stacks, const StackPlan& plan,
   Model plain;
   plain.lab = real.calibration->lab;
   plain.open = calibration_uncertainty(*real.calibration);
+  if (auto stages = register_uncertainty(*real.calibration)) plain.open.push_back(std::move(*stages));
   plain.first_effect_parameter = static_cast<Eigen::Index>(plain.open.size());
   // The calibration's own bias is taken out first: simulated stacks shall calibrate as the real one did.
   recalibrate(plain, real, plan, numbers_of("plain calibration"));

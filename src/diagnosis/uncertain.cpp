@@ -188,6 +188,26 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
   return open;
 }
 
+std::optional<Uncertain> register_uncertainty(const Calibration& calibration) {
+  const auto* emccd = std::get_if<EmccdDescription>(&calibration.lab.sensor);
+  if (!emccd || !(calibration.lab.settings.em_gain > 1)) return {};
+  // The law of a gain and a number of stages is kept, so only a few numbers are drawn.
+  Uncertain one = shift(
+      "register_stages", 1.0 / 3,
+      [](Lab& l, double c) {
+        constexpr double step = 0.25, most_stages = 10000, largest_of_one = 1.2;
+        const double inverse = 1 + std::clamp(step * std::round(c / step), -1.0, 1.0);
+        int& stages = std::get<EmccdDescription>(l.sensor).register_stages;
+        const double least = std::log(l.settings.em_gain) / std::log(largest_of_one);
+        stages = static_cast<int>(
+            std::clamp(stages / std::max(inverse, 1e-3), std::max(1.0, std::ceil(least)), most_stages));
+      },
+      [](const Calibration&) { return 0.0; });
+  one.lowest = -1;
+  one.highest = one.farthest = 1;
+  return one;
+}
+
 std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, double frame_px, double frames) {
   std::vector<Uncertain> open;
   constexpr double longest_period = 0.7;  // of the frame

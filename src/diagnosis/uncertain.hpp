@@ -3,6 +3,7 @@
 // from.
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -45,6 +46,11 @@ struct Uncertain {
 
 /// What calibration leaves open of the plain model: every fitted figure, a few of its errors wide.
 std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration);
+
+/// Of an EMCCD with gain: over how many stages the gain builds up, as the part by which their inverse differs
+/// from the data sheet's (-1: ever more of ever smaller gain, whose law is the exponential one). Sensors do
+/// not tell, and calibration does not say: the noise of the gain differs by a percent.
+std::optional<Uncertain> register_uncertainty(const Calibration& calibration);
 
 /// The parameters of an effect over the whole range that is worth a look; the first is the strength
 /// (logarithmic). Switching the effect on is part of applying any of them. No length in the image exceeds

@@ -30,6 +30,28 @@ TEST(Uncertain, FewDarkFramesLeaveAQcmosNoiseMoreOpen) {
   EXPECT_GT(width_of(few, "read_noise_spread"), 2 * width_of(many, "read_noise_spread"));
 }
 
+TEST(Uncertain, ARegistersStagesAreOpenWhereItMultiplies) {
+  Calibration calibration;
+  calibration.lab = preset("orca-quest");
+  EXPECT_FALSE(register_uncertainty(calibration));
+  calibration.lab = preset("ixon-ultra-897");
+  calibration.lab.settings.em_gain = 1;
+  EXPECT_FALSE(register_uncertainty(calibration));
+  calibration.lab.settings.em_gain = 300;
+  const auto stages = register_uncertainty(calibration);
+  ASSERT_TRUE(stages);
+  const auto applied = [&](double coordinate) {
+    Lab lab = calibration.lab;
+    stages->apply(lab, coordinate);
+    return std::get<EmccdDescription>(lab.sensor).register_stages;
+  };
+  EXPECT_EQ(applied(0), 536);
+  EXPECT_EQ(applied(0.1), 536);  // of a few laws, each of which is made once
+  EXPECT_EQ(applied(-0.5), 1072);
+  EXPECT_EQ(applied(-1.5), 10000);  // the exponential law
+  EXPECT_EQ(applied(1.5), 268);
+}
+
 // One ray in a stack is as well known as ten in a frame: what is rare differs by orders of magnitude.
 TEST(Uncertain, RatesAreLookedForOverAllThatIsAllowed) {
   const Uncertain rate = effect_prior(*find_effect("cosmic_rays"), 96, 300).front();

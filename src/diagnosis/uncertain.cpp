@@ -190,7 +190,7 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
 
 std::optional<Uncertain> register_uncertainty(const Calibration& calibration) {
   const auto* emccd = std::get_if<EmccdDescription>(&calibration.lab.sensor);
-  if (!emccd || !(calibration.lab.settings.em_gain > 1)) return {};
+  if (!emccd || !(calibration.lab.settings.em_gain > 1) || !calibration.has_sites) return {};
   // The law of a gain and a number of stages is kept, so only a few numbers are drawn.
   Uncertain one = shift(
       "register_stages", 1.0 / 3,

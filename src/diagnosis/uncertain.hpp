@@ -49,7 +49,8 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration);
 
 /// Of an EMCCD with gain: over how many stages the gain builds up, as the part by which their inverse differs
 /// from the data sheet's (-1: ever more of ever smaller gain, whose law is the exponential one). Sensors do
-/// not tell, and calibration does not say: the noise of the gain differs by a percent.
+/// not tell, and calibration does not say: the noise of the gain differs by a percent. Nothing without sites:
+/// little light shows it, and charge that is born in the register would pass for it.
 std::optional<Uncertain> register_uncertainty(const Calibration& calibration);
 
 /// The parameters of an effect over the whole range that is worth a look; the first is the strength

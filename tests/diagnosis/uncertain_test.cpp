@@ -30,11 +30,16 @@ TEST(Uncertain, FewDarkFramesLeaveAQcmosNoiseMoreOpen) {
   EXPECT_GT(width_of(few, "read_noise_spread"), 2 * width_of(many, "read_noise_spread"));
 }
 
-TEST(Uncertain, ARegistersStagesAreOpenWhereItMultiplies) {
+TEST(Uncertain, ARegistersStagesAreOpenWhereItMultipliesLight) {
   Calibration calibration;
   calibration.lab = preset("orca-quest");
+  calibration.has_sites = true;
   EXPECT_FALSE(register_uncertainty(calibration));
+  calibration.has_sites = false;
   calibration.lab = preset("ixon-ultra-897");
+  calibration.lab.settings.em_gain = 300;
+  EXPECT_FALSE(register_uncertainty(calibration));
+  calibration.has_sites = true;
   calibration.lab.settings.em_gain = 1;
   EXPECT_FALSE(register_uncertainty(calibration));
   calibration.lab.settings.em_gain = 300;

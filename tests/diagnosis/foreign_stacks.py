@@ -35,7 +35,7 @@ def effect(stage, cameras="emccd qcmos", listed=True):
 
 
 def usual_lab(rng, emccd):
-    """Set-points as they are noted, and how close the sites are: always the same but for the exposure."""
+    """Set-points as they are noted: always the same but for the exposure."""
     return {
         "exposure": rng.uniform(0.05, 0.12),
         "magnification": 78.125 if emccd else 30.0,
@@ -46,13 +46,11 @@ def usual_lab(rng, emccd):
         "em_gain": 300.0,
         "preamp": 4.85 if emccd else 0.107,
         "bias": 200.0,
-        "spacing": None,
-        "left_out": None,
     }
 
 
 def any_lab(lab, rng, emccd):
-    """Of other set-points: darker and brighter, finer and coarser, any grid that fits."""
+    """Other set-points, and any grid that fits: its spacing, and how many rows and columns are left out of it."""
     u = rng.uniform
     wavelength, aperture = ((0.461, 0.65), (0.556, 0.6), (0.78, 0.55))[int(rng.integers(3))]
     lab |= {"wavelength": wavelength, "aperture": aperture, "exposure": float(np.exp(u(np.log(0.02), np.log(0.3))))}
@@ -110,8 +108,7 @@ class Stack:
             self.noise_map = self.read_noise * np.maximum(0.3, rng.normal(1, u(0.03, 0.1), shape))
         spacing = u(8.6, 11.5)
         left_out = [int(rng.integers(0, 2)) for _ in range(2)]
-        if other_labs is not None:
-            spacing, left_out = self.noted["spacing"], self.noted["left_out"]
+        spacing, left_out = self.noted.get("spacing", spacing), self.noted.get("left_out", left_out)
         self.grid_rows, self.grid_cols = (max(2, int((size - 20) / spacing) + 1 - n) for n in left_out)
         self.spacing = spacing
         first = [0.5 * (size - 1 - (n - 1) * spacing) for n in (self.grid_cols, self.grid_rows)]

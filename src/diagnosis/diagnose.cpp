@@ -203,7 +203,7 @@ class Diagnoser {
       result_.verdict = Verdict::unexplained;
     if (result_.verdict == Verdict::unexplained)
       result_.unexplained = unexplained_of(declarations_, plain_.z, result_.hypotheses);
-    else if (have_final_ && result_.p_after < reject_level)
+    else if (result_.verdict == Verdict::partly_explained)
       result_.unexplained = unexplained_of(declarations_, final_.z);
     result_.next_measurement = next_measurements(result_, darks_ != nullptr);
     result_.sentence = sentence_of(result_);

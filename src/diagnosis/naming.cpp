@@ -13,6 +13,7 @@
 namespace atomcam {
 namespace {
 
+constexpr double hardly_ever = 0.001;          // p-value of a model that nothing can be added to
 constexpr double odd = 0.05;                   // p-value of frames that a model fits none too well
 constexpr double least_closed = 0.85;          // of the gap, by one effect that the frames are not odd under
 constexpr double least_closed_else = 0.95;     // by one that they are odd under, or two
@@ -69,6 +70,11 @@ double Naming::closed_by(const Model& model) const {
   return atomcam::closed_by(model, plain_, battery_);
 }
 
+bool Naming::takes_nearly_all(const Model& model) const {
+  return closed_by(model) >= least_closed_if_rejected && !contradicted(model) &&
+         beyond_its_law(model).empty();
+}
+
 std::string Naming::what_is_left(const Model& model, Eigen::Index at) const {
   return fmt::format("leaves {} at {:+.1f} sigma", battery_[static_cast<std::size_t>(at)].name, model.z(at));
 }
@@ -122,6 +128,11 @@ std::optional<Named> Naming::choose(std::span<Model> models) const {
   if (passed.empty()) return {};
   for (Model& model : models)
     if (!passes(model) && competes(model)) passed.push_back(&model);
+  return choose_among(std::move(passed));
+}
+
+/// One of these.
+Named Naming::choose_among(std::vector<Model*> passed) const {
   // What the frames are odd under gives way to what explains them and closes as much: likelihoods take a
   // law that scatters little for a better one, as statistics that go together count nearly as if apart.
   constexpr double odder = 20;
@@ -170,10 +181,13 @@ std::vector<double> Naming::odds_among(const std::vector<Model*>& models) const 
 
 std::optional<Named> Naming::nearest(std::span<Model> models) const {
   if (models.empty()) return {};
+  std::vector<Model*> nearly;
+  for (Model& model : models)
+    if (model.p_value >= hardly_ever && takes_nearly_all(model)) nearly.push_back(&model);
+  if (!nearly.empty()) return choose_among(std::move(nearly));
   Model& best = likeliest(models);
-  const double closed = closed_by(best);
-  if (closed < least_closed_if_rejected || contradicted(best) || !beyond_its_law(best).empty()) return {};
-  return Named{&best, Verdict::partly_explained, 0.5 + 0.5 * closed, {}};
+  if (!takes_nearly_all(best)) return {};
+  return Named{&best, Verdict::partly_explained, 0.5 + 0.5 * closed_by(best), {}};
 }
 
 }  // namespace atomcam

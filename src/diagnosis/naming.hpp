@@ -57,11 +57,16 @@ class Naming {
   /// cannot tell apart.
   std::optional<Named> choose(std::span<Model> models) const;
   /// No model passes: one that closes nearly all of a large gap is named all the same, with what it leaves.
+  /// It counts as the explanation if that is as little as one in a thousand of its own stacks has:
+  /// everybody's camera differs a little from the plain model, and nothing of the catalogue makes that
+  /// difference.
   std::optional<Named> nearest(std::span<Model> models) const;
 
  private:
   bool competes(const Model& model) const;
   std::vector<double> odds_among(const std::vector<Model*>& models) const;
+  Named choose_among(std::vector<Model*> models) const;
+  bool takes_nearly_all(const Model& model) const;
   double closed_by(const Model& model) const;
   std::string what_is_left(const Model& model, Eigen::Index at) const;
   /// Where the largest difference is that is clear and as it was; none: -1.

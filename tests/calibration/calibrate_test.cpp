@@ -210,6 +210,19 @@ TEST(Calibrate, LinesThatSettleAreNoReadNoise) {
   EXPECT_NEAR(found.counts.law.em_gain / expected.counts.law.em_gain, 1, 0.1);
 }
 
+TEST(Calibrate, ASpacingFarFromTheNotesIsToldOf) {
+  Notes notes = rough_notes(true);
+  const FramesInMemory light(render(true_lab(notes), 0, 100, true));
+  EXPECT_TRUE(calibrate(input_of(notes, light)).warnings.empty());
+  notes.grid->spacing_px *= 1.13;
+  notes.grid->first_x_px -= 2;  // the middle of the lattice stays
+  notes.grid->first_y_px -= 2;
+  const Calibration found = calibrate(input_of(notes, light));
+  EXPECT_NEAR(found.lab.scene.sites.back().x_px - found.lab.scene.sites.front().x_px, 4 * 10.5, 0.5);
+  ASSERT_EQ(found.warnings.size(), 1);
+  EXPECT_NE(found.warnings[0].find("11.86 is noted"), std::string::npos) << found.warnings[0];
+}
+
 TEST(CalibrateErrors, SayWhatIsWrong) {
   const Notes notes = rough_notes(true);
   Lab lab = true_lab(notes);

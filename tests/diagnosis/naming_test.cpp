@@ -105,6 +105,8 @@ TEST_F(Naming, WhatClosesNearlyAllOfAGapIsNamedInPart) {
   EXPECT_EQ(nearest->verdict, Verdict::partly_explained);
   models[0] = model({"row_noise"}, 0.93, 1e-4);
   EXPECT_FALSE(naming().nearest(models));
+  models[0] = model({"row_noise"}, 0.99, 5e-3);  // hardly odd: nothing is to be said of the rest
+  EXPECT_EQ(naming().nearest(models)->verdict, Verdict::explained);
 }
 
 }  // namespace

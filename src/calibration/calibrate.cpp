@@ -327,14 +327,13 @@ class Calibrator {
     result_.lab.place_sites();
     if (input_.like) return;
     constexpr double noted_to = 0.1;  // spacings are noted well
-    for (const double spacing : {grid.spacing_x, grid.spacing_y})
-      if (std::fabs(spacing / notes_.grid->spacing_px - 1) > noted_to) {
-        result_.warnings.push_back(
-            fmt::format("sites fit best {:.4g} x {:.4g} px apart, {:.4g} is noted: are its rows, columns and "
-                        "first site right, and the optics?",
-                        grid.spacing_x, grid.spacing_y, notes_.grid->spacing_px));
-        break;
-      }
+    const double noted = notes_.grid->spacing_px;
+    const auto far = [&](double spacing) { return std::fabs(spacing / noted - 1) > noted_to; };
+    if (far(grid.spacing_x) || far(grid.spacing_y))
+      result_.warnings.push_back(
+          fmt::format("sites fit best {:.4g} x {:.4g} px apart, {:.4g} is noted: are its rows, columns and "
+                      "first site right, and the optics?",
+                      grid.spacing_x, grid.spacing_y, noted));
   }
 
   // A stack model with the figures known so far.

@@ -181,13 +181,14 @@ std::vector<double> Naming::odds_among(const std::vector<Model*>& models) const 
 
 std::optional<Named> Naming::nearest(std::span<Model> models) const {
   if (models.empty()) return {};
-  std::vector<Model*> nearly;
-  for (Model& model : models)
-    if (model.p_value >= hardly_ever && takes_nearly_all(model)) nearly.push_back(&model);
-  if (!nearly.empty()) return choose_among(std::move(nearly));
   Model& best = likeliest(models);
   if (!takes_nearly_all(best)) return {};
-  return Named{&best, Verdict::partly_explained, 0.5 + 0.5 * closed_by(best), {}};
+  if (best.p_value < hardly_ever)
+    return Named{&best, Verdict::partly_explained, 0.5 + 0.5 * closed_by(best), {}};
+  std::vector<Model*> hardly_odd;
+  for (Model& model : models)
+    if (model.p_value >= hardly_ever && takes_nearly_all(model)) hardly_odd.push_back(&model);
+  return choose_among(std::move(hardly_odd));
 }
 
 }  // namespace atomcam

@@ -107,6 +107,9 @@ TEST_F(Naming, WhatClosesNearlyAllOfAGapIsNamedInPart) {
   EXPECT_FALSE(naming().nearest(models));
   models[0] = model({"row_noise"}, 0.99, 5e-3);  // hardly odd: nothing is to be said of the rest
   EXPECT_EQ(naming().nearest(models)->verdict, Verdict::explained);
+  models.push_back(model({"cti_tail"}, 0.99, 1e-4));  // likelier, and what it leaves is not nothing
+  models[1].log_likelihood += 50;
+  EXPECT_EQ(naming().nearest(models)->verdict, Verdict::partly_explained);
 }
 
 }  // namespace

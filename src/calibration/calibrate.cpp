@@ -322,10 +322,13 @@ class Calibrator {
     grid.spacing_y = std::hypot(lattice.b_x, lattice.b_y);
     grid.angle_x_deg = std::atan2(lattice.a_y, lattice.a_x) / degree;
     grid.angle_y_deg = std::atan2(-lattice.b_x, lattice.b_y) / degree;
+    if (!input_.like) check_spacing(grid);
     result_.lab.layout = grid;
     result_.lab.optics.zernike_um = result_.optics.zernike_um;
     result_.lab.place_sites();
-    if (input_.like) return;
+  }
+
+  void check_spacing(const SiteGrid& grid) {
     constexpr double noted_to = 0.1;  // spacings are noted well
     const double noted = notes_.grid->spacing_px;
     const auto far = [&](double spacing) { return std::fabs(spacing / noted - 1) > noted_to; };

@@ -30,12 +30,11 @@ void find_events(std::size_t n, const float* scaled, const float* threshold, std
   // Events are rare: one look at a block's lanes together.
   constexpr std::size_t block = 4 * lane_count;
   for (std::size_t begin = 0; begin < n; begin += block) {
-    const std::size_t end = ATOMCAM_SMALLER(begin + block, n);
-    IntLanes any{};
-    for (std::size_t i = begin; i < end; i += lane_count) any |= load(scaled + i) > load(threshold + i);
-    std::int64_t words[8];
-    std::memcpy(words, &any, sizeof words);
-    if (!(words[0] | words[1] | words[2] | words[3] | words[4] | words[5] | words[6] | words[7])) continue;
+    const std::size_t end = std::min(begin + block, n);
+    Lanes above = lanes(0);
+    for (std::size_t i = begin; i < end; i += lane_count)
+      above += where_above(load(scaled + i), load(threshold + i), lanes(1));
+    if (total(above) == 0) continue;
     for (std::size_t k = begin; k < end; ++k)
       if (scaled[k] > threshold[k] && events.size() < most) events.push_back(static_cast<std::uint32_t>(k));
   }

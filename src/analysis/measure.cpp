@@ -67,7 +67,7 @@ void add_means(std::size_t n, const float* light, const float* inverse_scale, fl
   const Lanes top = lanes(clip), bottom = lanes(-clip);
   for (std::size_t i = 0; i < n; i += lane_count) {
     const Lanes x = load(light + i), z = x * load(inverse_scale + i);
-    const Lanes below = ATOMCAM_SMALLER(z, top), clipped = ATOMCAM_LARGER(below, bottom);
+    const Lanes clipped = larger(smaller(z, top), bottom);
     store(sum + i, load(sum + i) + x);
     store(clipped_sum + i, load(clipped_sum + i) + clipped);
   }
@@ -86,7 +86,7 @@ FrameSums residuals(std::size_t n, const float* light, const float* inverse_scal
   Lanes sum = lanes(0), square = lanes(0), repeat = lanes(0);
   for (std::size_t i = 0; i < n; i += lane_count) {
     const Lanes z = load(light + i) * load(inverse_scale + i);
-    const Lanes below = ATOMCAM_SMALLER(z, top), clipped = ATOMCAM_LARGER(below, bottom);
+    const Lanes clipped = larger(smaller(z, top), bottom);
     const Lanes q = clipped - load(clipped_mean + i);
     const Lanes a = q * load(weight + i);
     store(scaled + i, z);

@@ -14,10 +14,10 @@ constexpr int row_distances[] = {1, 2};
 /// How much a pixel stands out, from the given scale on; else zero.
 ATOMCAM_VECTOR_CLONES
 double drivers(std::size_t n, const float* scaled, float from, float cap, float* drive) {
-  const Lanes most = lanes(cap), least = lanes(from), zero = lanes(0);
-  Lanes sum = zero;
+  const Lanes most = lanes(cap), least = lanes(from);
+  Lanes sum = lanes(0);
   for (std::size_t i = 0; i < n; i += lane_count) {
-    const Lanes x = load(scaled + i), z = ATOMCAM_SMALLER(x, most), d = x > least ? z : zero;
+    const Lanes x = load(scaled + i), d = where_above(x, least, smaller(x, most));
     store(drive + i, d);
     sum += d;
   }
@@ -47,10 +47,10 @@ void add_differences(std::size_t n, const float* drive, const float* q, const st
 ATOMCAM_VECTOR_CLONES
 void add_later(std::size_t n, const float* scaled_before, float from, float cap, const float* q,
                double* sums) {
-  const Lanes most = lanes(cap), least = lanes(from), zero = lanes(0);
-  Lanes product = zero, sum = zero;
+  const Lanes most = lanes(cap), least = lanes(from);
+  Lanes product = lanes(0), sum = product;
   for (std::size_t i = 0; i < n; i += lane_count) {
-    const Lanes x = load(scaled_before + i), z = ATOMCAM_SMALLER(x, most), d = x > least ? z : zero;
+    const Lanes x = load(scaled_before + i), d = where_above(x, least, smaller(x, most));
     product += d * load(q + i);
     sum += d;
   }

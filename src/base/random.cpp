@@ -31,26 +31,19 @@ void fill_philox(PhiloxKey key, std::uint64_t frame, std::uint32_t block, std::u
   const hn::ScalableTag<std::uint32_t> d;
   using V = hn::Vec<decltype(d)>;
   const std::size_t lanes = hn::Lanes(d);
-  const auto step = static_cast<std::uint32_t>(lanes / 4);
-
-  HWY_ALIGN std::uint32_t pattern[hn::MaxLanes(d)];
-  const auto repeat = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t e) {
-    for (std::size_t i = 0; i < lanes; i += 4) {
-      pattern[i] = a;
-      pattern[i + 1] = b;
-      pattern[i + 2] = c;
-      pattern[i + 3] = e;
-    }
-    return hn::Load(d, pattern);
-  };
-  const V multiplier = repeat(0xD2511F53u, 0, 0xCD9E8D57u, 0);
-  const V stride = repeat(step, 0, 0, 0);
-  repeat(0, block, static_cast<std::uint32_t>(frame), static_cast<std::uint32_t>(frame >> 32));
-  for (std::size_t i = 0; i < lanes; i += 4) pattern[i] += static_cast<std::uint32_t>(i / 4);
-  V counter = hn::Load(d, pattern);
+  // Rows are short: what every call sets up is loaded or added, not written word by word.
+  const auto repeat = [&](const std::array<std::uint32_t, 4>& four)
+                          HWY_ATTR { return hn::LoadDup128(d, four.data()); };
+  alignas(16) static constexpr std::array<std::uint32_t, 4> multipliers{0xD2511F53u, 0, 0xCD9E8D57u, 0},
+      key_steps{0x9E3779B9u, 0, 0xBB67AE85u, 0}, first_word{0xFFFFFFFFu, 0, 0, 0};
+  alignas(16) const std::array<std::uint32_t, 4> first_key{key[0], 0, key[1], 0},
+      first_counter{0, block, static_cast<std::uint32_t>(frame), static_cast<std::uint32_t>(frame >> 32)};
+  const V multiplier = repeat(multipliers), key_step = repeat(key_steps);
+  const V stride = hn::And(hn::Set(d, static_cast<std::uint32_t>(lanes / 4)), repeat(first_word));
+  V counter = hn::Add(repeat(first_counter), hn::And(hn::ShiftRight<2>(hn::Iota(d, 0)), repeat(first_word)));
   V keys[10];
-  for (std::uint32_t round = 0; round < 10; ++round)
-    keys[round] = repeat(key[0] + round * 0x9E3779B9u, 0, key[1] + round * 0xBB67AE85u, 0);
+  keys[0] = repeat(first_key);
+  for (int round = 1; round < 10; ++round) keys[round] = hn::Add(keys[round - 1], key_step);
 
   const hn::Repartition<std::uint64_t, decltype(d)> d64;
   const auto next_round = [&](V state, V round_key) HWY_ATTR {
@@ -80,8 +73,9 @@ void fill_philox(PhiloxKey key, std::uint64_t frame, std::uint32_t block, std::u
     if (i + lanes <= count) {
       hn::StoreU(a, d, words + i);
     } else {
-      hn::Store(a, d, pattern);
-      for (std::size_t rest = 0; i + rest < count; ++rest) words[i + rest] = pattern[rest];
+      HWY_ALIGN std::uint32_t last[hn::MaxLanes(d)];
+      hn::Store(a, d, last);
+      for (std::size_t rest = 0; i + rest < count; ++rest) words[i + rest] = last[rest];
     }
   }
 }

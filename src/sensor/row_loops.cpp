@@ -286,26 +286,25 @@ std::size_t spread_electrons_loop(const std::int32_t* electrons, float well_e, f
                                   std::int32_t* packet_columns, std::int32_t* packet_electrons,
                                   std::size_t columns) {
   std::size_t c = 0, found = 0;
+  // Without a branch: the lists have room for one that does not count.
+  const auto list = [&](std::size_t column) {
+    packet_columns[found] = static_cast<std::int32_t>(column);
+    packet_electrons[found] = electrons[column];
+    found += electrons[column] > 0 ? 1 : 0;
+  };
 #if ATOMCAM_ROW_VECTORS
   const F d;
   const I i;
-  VI column = hn::Iota(i, 0);
   for (; c + hn::Lanes(d) <= columns; c += hn::Lanes(d)) {
     const VI n = hn::LoadU(i, electrons + c);
     hn::StoreU(hn::Min(hn::ConvertTo(d, n), hn::Set(d, well_e)), d, output_e + c);
-    // Whole vectors, of which the front part counts: the lists have room for it.
-    const auto filled = hn::Gt(n, hn::Zero(i));
-    hn::StoreU(hn::Compress(column, filled), i, packet_columns + found);
-    hn::StoreU(hn::Compress(n, filled), i, packet_electrons + found);
-    found += hn::CountTrue(i, filled);
-    column = hn::Add(column, hn::Set(i, static_cast<std::int32_t>(hn::Lanes(i))));
+    if (hn::AllFalse(i, hn::Gt(n, hn::Zero(i)))) continue;
+    for (std::size_t k = c; k < c + hn::Lanes(d); ++k) list(k);
   }
 #endif
   for (; c < columns; ++c) {
     output_e[c] = std::min(static_cast<float>(electrons[c]), well_e);
-    packet_columns[found] = static_cast<std::int32_t>(c);
-    packet_electrons[found] = electrons[c];
-    found += electrons[c] > 0 ? 1 : 0;
+    list(c);
   }
   return found;
 }
@@ -411,9 +410,8 @@ bool count_thresholds(const std::uint32_t* words, std::span<const std::uint16_t>
 
 void spread_electrons(std::span<const std::int32_t> electrons, float well_e, std::span<float> output_e,
                       Packets& packets) {
-  constexpr std::size_t widest_vector = 16;
-  packets.columns.resize(electrons.size() + widest_vector);
-  packets.electrons.resize(electrons.size() + widest_vector);
+  packets.columns.resize(electrons.size() + 1);
+  packets.electrons.resize(electrons.size() + 1);
   packets.count = HWY_DYNAMIC_DISPATCH(spread_electrons_loop)(electrons.data(), well_e, output_e.data(),
                                                               packets.columns.data(),
                                                               packets.electrons.data(), electrons.size());

@@ -299,10 +299,11 @@ class Calibrator {
     const double spot =
         std::clamp(0.25 * notes_.wavelength_um / notes_.numerical_aperture / pixel_um, 0.7, 4.0);
     if (input_.like)
-      result_.optics =
-          fit_optics(mean, result_.lab.optics, input_.like->optics.lattice, &input_.like->optics.zernike_um);
+      result_.optics = fit_optics(mean, result_.lab.optics, input_.like->optics.lattice,
+                                  &input_.like->optics.zernike_um, nullptr, input_.threads);
     else
-      result_.optics = fit_optics(mean, result_.lab.optics, find_lattice(mean, noted_lattice(), spot));
+      result_.optics = fit_optics(mean, result_.lab.optics, find_lattice(mean, noted_lattice(), spot),
+                                  nullptr, nullptr, input_.threads);
     mean_site_e_ = result_.optics.mean_site_e();
     check_site_light(mean, result_.optics);
     if (!input_.like) check_site_images(mean, result_.optics);

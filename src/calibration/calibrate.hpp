@@ -48,6 +48,7 @@ struct CalibrationInput {
   std::function<void(std::string_view step, double done)> progress;
   /// A calibration of a stack much like this one, to start from; the model then has its figures only.
   const struct Calibration* like = nullptr;
+  int threads = 0;  // 0: as many as the machine has cores
 };
 
 /// Of each pixel, from dark frames; the offset includes the dark current of the exposure.

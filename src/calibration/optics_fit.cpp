@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "calibration/pupil_image.hpp"
+#include "simulation/parallel.hpp"
 
 namespace atomcam {
 namespace {
@@ -500,24 +501,44 @@ struct Middle {
   }
 };
 
+constexpr double rough_tolerance = 0.05;
+
+/// A few steps from each start.
+template <class Evaluate>
+std::vector<MaximumLikelihood> maximised_from(const std::vector<Eigen::VectorXd>& starts,
+                                              const Evaluate& evaluate, int steps, int threads) {
+  std::vector<MaximumLikelihood> ends(starts.size());
+  parallel_for(static_cast<int>(starts.size()), thread_count(threads), 1, [&](int k) {
+    const auto at = static_cast<std::size_t>(k);
+    ends[at] = maximise(starts[at], evaluate, rough_tolerance, steps);
+  });
+  return ends;
+}
+
+/// Where the likeliest of them ended.
+std::vector<Eigen::VectorXd> best_ends(std::vector<MaximumLikelihood> ends, std::size_t count) {
+  std::stable_sort(ends.begin(), ends.end(),
+                   [](const auto& a, const auto& b) { return a.minus_log < b.minus_log; });
+  std::vector<Eigen::VectorXd> places;
+  for (std::size_t k = 0; k < count; ++k) places.push_back(ends[k].values);
+  return places;
+}
+
 /// The even terms enter by their squares and products: a focus with astigmatism may have been taken for a
 /// defocus, from where no step leads back. So the directions that the same rms allows are tried as well, and
 /// the likeliest followed. `terms`: in um, where a fit has led; those that fit clearly better, or the same.
 std::array<double, zernike_terms> best_focus(const Model& model, std::array<double, zernike_terms> terms,
-                                             double wavelength_um) {
+                                             double wavelength_um, int threads) {
   constexpr int first_steps = 5, more_steps = 30, angles = 8;
   constexpr std::size_t followed = 3;
   constexpr double clearly = 1;  // better, by the logarithm of the likelihood: another minimum
   const auto evaluate = [&](const Eigen::VectorXd& p, bool derivatives) {
     return model.evaluate(p, derivatives);
   };
-  const auto fitted = [&](const std::array<double, zernike_terms>& at, int steps) {
-    return maximise(model.start(at), evaluate, 0.05, steps);
-  };
   double rms = 0;
   for (const std::size_t term : {3, 4, 5, 10}) rms += terms[term] * terms[term];
   rms = std::max(std::sqrt(rms), 0.02 * wavelength_um);
-  std::vector<MaximumLikelihood> others;
+  std::vector<Eigen::VectorXd> starts;
   for (int k = 0; k < angles; ++k)
     for (const double spherical : {-0.4, 0.4}) {
       const double angle = 2 * std::numbers::pi * k / angles;
@@ -526,16 +547,16 @@ std::array<double, zernike_terms> best_focus(const Model& model, std::array<doub
       from[4] = 0.85 * rms * std::cos(angle);
       from[5] = 0.85 * rms * std::sin(angle);
       from[10] = spherical * rms;
-      others.push_back(fitted(from, first_steps));
+      starts.push_back(model.start(from));
     }
-  std::partial_sort(others.begin(), others.begin() + followed, others.end(),
-                    [](const auto& a, const auto& b) { return a.minus_log < b.minus_log; });
-  double least = fitted(terms, more_steps).minus_log - clearly;
-  for (std::size_t k = 0; k < followed; ++k) {
-    const MaximumLikelihood found = maximise(others[k].values, evaluate, 0.05, more_steps);
-    if (found.minus_log > least) continue;
-    least = found.minus_log;
-    terms = Model::zernike(found.values);
+  starts = best_ends(maximised_from(starts, evaluate, first_steps, threads), followed);
+  starts.insert(starts.begin(), model.start(terms));
+  const std::vector<MaximumLikelihood> ends = maximised_from(starts, evaluate, more_steps, threads);
+  double least = ends.front().minus_log - clearly;
+  for (std::size_t k = 1; k < ends.size(); ++k) {
+    if (ends[k].minus_log > least) continue;
+    least = ends[k].minus_log;
+    terms = Model::zernike(ends[k].values);
   }
   return terms;
 }
@@ -543,12 +564,11 @@ std::array<double, zernike_terms> best_focus(const Model& model, std::array<doub
 }  // namespace
 
 OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start,
-                     const std::array<double, zernike_terms>* known, const ImageMotion* motion) {
+                     const std::array<double, zernike_terms>* known, const ImageMotion* motion, int threads) {
   const int radius = stamp_radius_px(start);
   // The image does not tell the common sign of the even terms, and about zero it does not change with them:
   // several starts.
   MaximumLikelihood best;
-  bool first = true;
   const double wave = optics.wavelength_um;
   MeanImage near = mean;
   PupilImage rough_pupil(optics, radius, PupilImage::rough), pupil(optics, radius);
@@ -564,22 +584,22 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   };
   if (known) {
     best = maximise(rough.start(*known), roughly, 0.05, 12);
-  } else
+  } else {
+    std::vector<Eigen::VectorXd> starts;
     for (const auto& [defocus, spherical] :
          {std::pair{0.07, 0.02}, std::pair{0.07, -0.06}, std::pair{0.15, 0.04}, std::pair{0.02, 0.07}}) {
-      Eigen::VectorXd from = rough.start(defocus * wave, spherical * wave);
-      rough.solve_linear(from);
-      MaximumLikelihood found = maximise(from, roughly, 0.05, 12);
-      if (first || found.minus_log < best.minus_log) best = std::move(found);
-      first = false;
+      starts.push_back(rough.start(defocus * wave, spherical * wave));
+      rough.solve_linear(starts.back());
     }
+    best.values = best_ends(maximised_from(starts, roughly, 12, threads), 1).front();
+  }
   best = maximise(best.values, roughly, 0.05, 30);
   if (!known) {
     constexpr int most_sites = 10;  // each way: enough to tell directions apart
     const Middle middle(near, rough.lattice(best.values), most_sites);
     const auto terms = Model::zernike(best.values);
     const auto others =
-        best_focus(Model(middle.mean, middle.lattice, wave, rough_pupil, rough_pupil), terms, wave);
+        best_focus(Model(middle.mean, middle.lattice, wave, rough_pupil, rough_pupil), terms, wave, threads);
     if (others != terms) {
       MaximumLikelihood found = maximise(rough.with(best.values, others), roughly, 0.05, 30);
       if (found.minus_log < best.minus_log) best = std::move(found);
@@ -645,7 +665,8 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   return fit;
 }
 
-FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optics, const OpticsFit& common) {
+FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optics, const OpticsFit& common,
+                           int threads) {
   constexpr int directions = 8, first_steps = 4, more_steps = 30;
   constexpr std::size_t followed = 2;
   const PupilImage pupil(optics, stamp_radius_px(common.lattice), PupilImage::rough);
@@ -669,19 +690,18 @@ FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optic
       0.05, more_steps);
   // Common optics see the mean square of the field's defocus: a tilt to the edge is root three times that.
   const double defocus = std::max(std::fabs(common.zernike_um[3]), 0.02 * optics.wavelength_um);
-  std::vector<MaximumLikelihood> found;
+  std::vector<Eigen::VectorXd> starts;
   for (int k = 0; k < directions; ++k) {
     const double angle = 2 * std::numbers::pi * k / directions;
     Eigen::VectorXd from = without.values;
     from(lattice_parameters) = 0.3 * defocus;
     from(shape_parameters) = std::numbers::sqrt3 * defocus * std::cos(angle);
     from(shape_parameters + 1) = std::numbers::sqrt3 * defocus * std::sin(angle);
-    found.push_back(maximise(from, evaluate, 0.05, first_steps));
+    starts.push_back(std::move(from));
   }
-  std::partial_sort(found.begin(), found.begin() + followed, found.end(),
-                    [](const auto& a, const auto& b) { return a.minus_log < b.minus_log; });
-  for (std::size_t k = 0; k < followed; ++k) found[k] = maximise(found[k].values, evaluate, 0.05, more_steps);
-  const MaximumLikelihood& best = found[0].minus_log < found[1].minus_log ? found[0] : found[1];
+  starts = best_ends(maximised_from(starts, evaluate, first_steps, threads), followed);
+  const std::vector<MaximumLikelihood> ends = maximised_from(starts, evaluate, more_steps, threads);
+  const MaximumLikelihood& best = ends[0].minus_log < ends[1].minus_log ? ends[0] : ends[1];
   return {.x_um = best.values(shape_parameters),
           .y_um = best.values(shape_parameters + 1),
           .curvature_um = best.values(shape_parameters + 2),

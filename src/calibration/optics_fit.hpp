@@ -52,10 +52,10 @@ int stamp_radius_px(const Lattice& lattice);
 /// From a lattice known to a pixel or better. Zernike terms of degree 2 to 4 are free; the sign that the even
 /// terms share is chosen for defocus >= 0.
 /// `known`: terms to start from; without it several starts are tried. `motion`: what the image did meanwhile,
-/// so that the mean is not of the optics alone.
+/// so that the mean is not of the optics alone. `threads` for the starts, 0: as many as cores.
 OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start,
                      const std::array<double, zernike_terms>* known = nullptr,
-                     const ImageMotion* motion = nullptr);
+                     const ImageMotion* motion = nullptr, int threads = 0);
 
 /// A defocus (um rms) that changes across the image: x u + y v + curvature (u^2 + v^2), where u and v go from
 /// the image's middle, 1 at half its width.
@@ -67,7 +67,8 @@ struct FieldFocus {
 
 /// The mean image with a defocus that changes across it: sharp spots on one line, the same optics fitted to
 /// all. What optics common to all sites have to take for a defocus may be another term then.
-FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optics, const OpticsFit& common);
+FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optics, const OpticsFit& common,
+                           int threads = 0);
 
 /// Noted positions moved to where the light is: displacement, spacing and angles, by the correlation of the
 /// mean image with a lattice of spots of `spot_px` rms.

@@ -58,6 +58,7 @@ class Diagnoser {
     input.notes = notes_;
     input.frames = &frames_;
     input.darks = darks_;
+    input.threads = options_.threads;
     options_.beside.add_to(input);
     result_.calibration = calibrate(input);
     plan_.model = result_.calibration.model;

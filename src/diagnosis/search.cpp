@@ -229,7 +229,8 @@ Model Search::with(const Model& before, const Scan& scan, const Eigen::VectorXd&
   const Calibration& calibration = *ground_.real.calibration;
   if (scan.effect->name == field_focus_effect) {
     if (!field_focus_)
-      field_focus_ = fit_field_focus(calibration.mean_image, calibration.lab.optics, calibration.optics);
+      field_focus_ = fit_field_focus(calibration.mean_image, calibration.lab.optics, calibration.optics,
+                                     ground_.plan.threads);
     start_at_field_focus(model, *field_focus_, calibration);
   }
   if (scan.effect->name == wandering_effect) {

@@ -11,9 +11,9 @@
 
 namespace atomcam {
 
-/// Names a stream, e.g. stream_id("sensor/read_noise"); 64-bit FNV-1a of the name.
-constexpr std::uint64_t stream_id(std::string_view name) {
-  std::uint64_t hash = 0xcbf29ce484222325u;
+/// Names a stream, e.g. stream_id("sensor/read_noise"); 64-bit FNV-1a of the name. `hash`: that of what comes
+/// before it, if the name has several parts.
+constexpr std::uint64_t stream_id(std::string_view name, std::uint64_t hash = 0xcbf29ce484222325u) {
   for (const char letter : name) {
     hash ^= static_cast<unsigned char>(letter);
     hash *= 0x100000001b3u;

@@ -6,23 +6,23 @@ namespace {
 class DualAdcPeaks : public Effect {
  public:
   explicit DualAdcPeaks(const ParameterValues& values)
-      : fraction_(values[0]), separation_counts_(values[1]), spread_(values[2]), asymmetry_(values[3]) {}
+      : defects_(values[0], values[2]), separation_counts_(values[1]), asymmetry_(values[3]) {}
 
   void apply_to_counts(int row, std::span<float> analog_counts, const FrameContext& context) const override {
-    const PlaneGeometry plane(context);
-    for_each_defect(context, plane, row, fraction_, [&](int column, std::uint32_t pixel, RandomStream& own) {
-      if (static_cast<std::size_t>(column) >= analog_counts.size()) return;
-      const double separation = separation_counts_ * relative_size(own, spread_);
-      RandomStream random = context.random("path", pixel);
+    const PhiloxKey path = context.key("path");
+    const auto rows = defects_.in(context);
+    for (const Defects::Defect& one : rows->of(row)) {
+      const double separation = separation_counts_ * one.size;
+      RandomStream random(path, context.frame, one.pixel);
       const double side = random.uniform() < 0.5 ? 1 : -1;
-      analog_counts[column] += static_cast<float>((side + asymmetry_) * separation / 2);
-    });
+      analog_counts[static_cast<std::size_t>(one.column)] +=
+          static_cast<float>((side + asymmetry_) * separation / 2);
+    }
   }
 
  private:
-  double fraction_;
+  Defects defects_;
   double separation_counts_;
-  double spread_;
   double asymmetry_;
 };
 

@@ -1,19 +1,21 @@
 #include "effects/effect.hpp"
 
-#include <string>
-
 namespace atomcam {
 namespace {
 
 std::uint64_t stream_of(std::string_view effect, std::string_view what) {
-  return stream_id("effects/" + std::string(effect) + "/" + std::string(what));
+  return stream_id(what, stream_id("/", stream_id(effect, stream_id("effects/"))));
 }
 
 }  // namespace
 
 RandomStream FrameContext::random_at(std::string_view what, std::uint64_t at_frame,
                                      std::uint32_t block) const {
-  return RandomStream(seed, stream_of(effect, what), at_frame, block);
+  return RandomStream(key(what), at_frame, block);
+}
+
+PhiloxKey FrameContext::key(std::string_view what) const {
+  return stream_key(seed, stream_of(effect, what));
 }
 
 RandomStream FrameContext::fixed(std::string_view what, std::uint32_t block) const {

@@ -46,6 +46,8 @@ struct FrameContext {
   }
   /// The same stream at another frame number, for walks that are evaluated at any n.
   RandomStream random_at(std::string_view what, std::uint64_t at_frame, std::uint32_t block = 0) const;
+  /// The key of such streams, where one is used for many blocks.
+  PhiloxKey key(std::string_view what) const;
   /// A pattern fixed to the sensor: depends on its serial number and the effect only.
   RandomStream fixed(std::string_view what, std::uint32_t block = 0) const;
 };

@@ -6,24 +6,22 @@ namespace {
 class HotPixels : public Effect {
  public:
   explicit HotPixels(const ParameterValues& values)
-      : fraction_(values[0]), rate_e_per_s_(values[1]), spread_(values[2]) {}
+      : defects_(values[0], values[2]), rate_e_per_s_(values[1]) {}
 
   void apply_to_electrons(ElectronImage& electrons, const FrameContext& context) const override {
-    const PlaneGeometry plane(context);
+    const PhiloxKey key = context.key("electrons");
+    const auto rows = defects_.in(context);
     for (int row = 0; row < electrons.rows(); ++row)
-      for_each_defect(
-          context, plane, row, fraction_, [&](int column, std::uint32_t pixel, RandomStream& own) {
-            if (column >= electrons.columns()) return;
-            const double mean = rate_e_per_s_ * relative_size(own, spread_) * context.settings->exposure_s;
-            RandomStream random = context.random("electrons", pixel);
-            electrons(row, column) += static_cast<std::int32_t>(sample_poisson(random, mean));
-          });
+      for (const Defects::Defect& one : rows->of(row)) {
+        RandomStream random(key, context.frame, one.pixel);
+        const double mean = rate_e_per_s_ * one.size * context.settings->exposure_s;
+        electrons(row, one.column) += static_cast<std::int32_t>(sample_poisson(random, mean));
+      }
   }
 
  private:
-  double fraction_;
+  Defects defects_;
   double rate_e_per_s_;
-  double spread_;
 };
 
 }  // namespace

@@ -8,8 +8,10 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <tuple>
+#include <vector>
 
 #include "base/math.hpp"
 #include "base/samplers.hpp"
@@ -40,11 +42,12 @@ struct PlaneGeometry {
   int step_y = 1;
 };
 
-/// A map that is drawn once for a sensor, region and binning, and shared by all frames and threads.
-class KeptMap {
+/// What is made once for a sensor, region and binning, and shared by all frames and threads.
+template <class Value>
+class Kept {
  public:
-  using Pixel = std::function<double(int row, int column)>;
-  std::shared_ptr<const RatioMap> get(const FrameContext& context, const Pixel& pixel) const {
+  template <class Make>
+  std::shared_ptr<const Value> get(const FrameContext& context, const Make& make) const {
     const CameraSettings& s = *context.settings;
     Key key{std::string(context.serial),
             context.seed,
@@ -55,23 +58,36 @@ class KeptMap {
             s.binning_x,
             s.binning_y};
     const std::lock_guard lock(mutex_);
-    if (!map_ || key != key_) {
-      const Shape shape = PlaneGeometry(context).shape();
-      auto map = std::make_shared<RatioMap>(shape);
-      for (int row = 0; row < shape.rows; ++row)
-        for (int column = 0; column < shape.columns; ++column)
-          (*map)(row, column) = static_cast<float>(pixel(row, column));
-      map_ = std::move(map);
+    if (!value_ || key != key_) {
+      value_ = std::make_shared<const Value>(make());
       key_ = std::move(key);
     }
-    return map_;
+    return value_;
   }
 
  private:
   using Key = std::tuple<std::string, std::uint64_t, int, int, int, int, int, int>;
   mutable std::mutex mutex_;
   mutable Key key_;
-  mutable std::shared_ptr<const RatioMap> map_;
+  mutable std::shared_ptr<const Value> value_;
+};
+
+/// A map over the pixels of the readout's plane.
+class KeptMap {
+ public:
+  using Pixel = std::function<double(int row, int column)>;
+  std::shared_ptr<const RatioMap> get(const FrameContext& context, const Pixel& pixel) const {
+    return kept_.get(context, [&] {
+      RatioMap map(PlaneGeometry(context).shape());
+      for (int row = 0; row < map.rows(); ++row)
+        for (int column = 0; column < map.columns(); ++column)
+          map(row, column) = static_cast<float>(pixel(row, column));
+      return map;
+    });
+  }
+
+ private:
+  Kept<RatioMap> kept_;
 };
 
 inline void multiply(std::shared_ptr<const RatioMap>& into, std::shared_ptr<const RatioMap> factor) {
@@ -155,31 +171,67 @@ inline ParameterDeclaration spread_of_sizes(std::string_view of, double default_
           .meaning = "Relative spread of " + std::string(of) + " (gamma law; 0: all alike, 1: exponential)."};
 }
 
-/// Calls use(column, random) for every pixel of a plane's row that carries a defect: a fraction of the
-/// sensor's physical pixels, fixed by its serial number. `random` is the defect's own stream of fixed
-/// properties.
-template <class Use>
-void for_each_defect(const FrameContext& context, const PlaneGeometry& plane, int row, double fraction,
-                     const Use& use) {
-  if (fraction <= 0) return;
-  // From one such pixel to the next: a geometric law, so that no pixel carries two.
-  const double log_free = fraction < 1 ? math::log(1 - fraction) : 0;
-  const auto gap = [&](RandomStream& random) {
-    if (log_free == 0) return 0;
-    return static_cast<int>(std::min(1e6, math::log(random.uniform()) / log_free));
+/// The pixels that carry a defect: a fraction of the sensor's physical pixels, fixed by its serial number,
+/// each with a size relative to the mean of all.
+class Defects {
+ public:
+  struct Defect {
+    int column;           // in the plane
+    std::uint32_t pixel;  // of the sensor
+    double size;
   };
-  const int first = plane.region.offset_y + row * plane.step_y;
-  for (int y = first; y < first + plane.step_y; ++y) {
+  class Rows {
+   public:
+    std::span<const Defect> of(int row) const {
+      const auto r = static_cast<std::size_t>(row);
+      return std::span(defects_).subspan(begin_[r], begin_[r + 1] - begin_[r]);
+    }
+
+   private:
+    friend class Defects;
+    std::vector<Defect> defects_;
+    std::vector<std::size_t> begin_{0};
+  };
+
+  /// `spread`: relative standard deviation of the sizes.
+  Defects(double fraction, double spread) : fraction_(fraction), spread_(spread) {}
+  std::shared_ptr<const Rows> in(const FrameContext& context) const {
+    return kept_.get(context, [&] { return find(context); });
+  }
+
+ private:
+  Rows find(const FrameContext& context) const {
+    const PlaneGeometry plane(context);
+    Rows rows;
+    for (int row = 0; row < plane.shape().rows; ++row) {
+      const int first = plane.region.offset_y + row * plane.step_y;
+      for (int y = first; y < first + plane.step_y && fraction_ > 0; ++y) add_line(context, plane, y, rows);
+      rows.begin_.push_back(rows.defects_.size());
+    }
+    return rows;
+  }
+
+  void add_line(const FrameContext& context, const PlaneGeometry& plane, int y, Rows& rows) const {
+    // From one such pixel to the next: a geometric law, so that no pixel carries two.
+    const double log_free = fraction_ < 1 ? math::log(1 - fraction_) : 0;
+    const auto gap = [&](RandomStream& random) {
+      if (log_free == 0) return 0;
+      return static_cast<int>(std::min(1e6, math::log(random.uniform()) / log_free));
+    };
     RandomStream random = context.fixed("pixels", static_cast<std::uint32_t>(y));
     for (int x = gap(random); x < plane.sensor.columns; x += 1 + gap(random)) {
       const std::uint64_t properties = random.next64();
-      const int column = x - plane.region.offset_x;
-      if (column < 0 || column >= plane.region.width) continue;
+      const int column = (x - plane.region.offset_x) / plane.step_x;
+      if (x < plane.region.offset_x || column >= plane.shape().columns) continue;
       RandomStream own(properties, stream_id("defect"), 0, 0);
-      use(column / plane.step_x, static_cast<std::uint32_t>(y * plane.sensor.columns + x), own);
+      rows.defects_.push_back(
+          {column, static_cast<std::uint32_t>(y * plane.sensor.columns + x), relative_size(own, spread_)});
     }
   }
-}
+
+  double fraction_, spread_;
+  Kept<Rows> kept_;
+};
 
 template <class Kind>
 std::unique_ptr<Effect> make_effect(const ParameterValues& values) {

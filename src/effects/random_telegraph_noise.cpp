@@ -6,7 +6,7 @@ namespace {
 class RandomTelegraphNoise : public Effect {
  public:
   explicit RandomTelegraphNoise(const ParameterValues& values)
-      : fraction_(values[0]), amplitude_counts_(values[1]), dwell_frames_(values[2]), spread_(values[3]) {}
+      : defects_(values[0], values[3]), amplitude_counts_(values[1]), dwell_frames_(values[2]) {}
 
   void apply_to_counts(int row, std::span<float> analog_counts, const FrameContext& context) const override {
     // The chain starts anew in equilibrium every block of frames, so that any frame is reached in bounded
@@ -15,11 +15,11 @@ class RandomTelegraphNoise : public Effect {
     const std::uint64_t first = context.frame / block * block;
     const auto within = static_cast<double>(context.frame - first);
     const double log_stays = math::log(1 - 1 / dwell_frames_);
-    const PlaneGeometry plane(context);
-    for_each_defect(context, plane, row, fraction_, [&](int column, std::uint32_t pixel, RandomStream& own) {
-      if (static_cast<std::size_t>(column) >= analog_counts.size()) return;
-      const double distance = amplitude_counts_ * relative_size(own, spread_);
-      RandomStream random = context.random_at("state", first, pixel);
+    const PhiloxKey state = context.key("state");
+    const auto rows = defects_.in(context);
+    for (const Defects::Defect& one : rows->of(row)) {
+      const double distance = amplitude_counts_ * one.size;
+      RandomStream random(state, first, one.pixel);
       bool high = random.uniform() < 0.5;
       // Frames up to the next jump: a geometric law.
       for (double frame = 0;;) {
@@ -27,15 +27,15 @@ class RandomTelegraphNoise : public Effect {
         if (frame > within) break;
         high = !high;
       }
-      analog_counts[column] += static_cast<float>(high ? distance / 2 : -distance / 2);
-    });
+      analog_counts[static_cast<std::size_t>(one.column)] +=
+          static_cast<float>(high ? distance / 2 : -distance / 2);
+    }
   }
 
  private:
-  double fraction_;
+  Defects defects_;
   double amplitude_counts_;
   double dwell_frames_;
-  double spread_;
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "optics/cell_aliases.hpp"
 #include "optics/cells.hpp"
 #include "optics/optics.hpp"
+#include "optics/photon_draws.hpp"
 
 namespace atomcam {
 namespace {
@@ -29,11 +30,6 @@ void check(const OpticsDescription& optics, double defocus_um, const Blur& blur)
   require(blur.major_um >= 0 && blur.minor_um >= 0, "blur_um", std::min(blur.major_um, blur.minor_um),
           "0 or more");
 }
-
-// A slot of the drawing table in 64 bits: threshold (26), own cell (19), alias cell (19); a cell: level, row,
-// column.
-constexpr int cell_bits = 19, threshold_shift = 2 * cell_bits;
-constexpr std::uint64_t cell_mask = (std::uint64_t{1} << cell_bits) - 1;
 
 /// Area of the disc of radius r about the origin within [0, x] x [0, y], odd in x and in y.
 double disc_quadrant(double x, double y, double r) {
@@ -80,28 +76,10 @@ double collected_fraction(double numerical_aperture) {
 }
 
 struct PointSpreadFunction::Table {
-  int side = 0;
-  std::array<float, 8> level_px{};  // width of a level's cells
+  PhotonTable photons;
   std::array<double, cell_levels> width_px{};
   double shift_x_px = 0, shift_y_px = 0;  // by the tilts
   std::vector<std::uint32_t> weights;     // as Cells::share, sum 2^32
-  int low_bits = 0;
-  std::vector<std::uint64_t> slots;
-
-  Displacement draw(std::uint32_t cell_word, std::uint32_t jitter_word) const {
-    const std::uint64_t slot = slots[cell_word >> low_bits];
-    const std::uint32_t low = cell_word & ((std::uint32_t{1} << low_bits) - 1);
-    const bool own = low < slot >> threshold_shift;
-    const auto cell = static_cast<std::uint32_t>((own ? slot >> cell_bits : slot) & cell_mask);
-    const float width = level_px[cell >> 16];
-    const auto row = static_cast<int>(cell >> 8 & 0xff) - side / 2;
-    const auto column = static_cast<int>(cell & 0xff) - side / 2;
-    // 2^-16 of a cell apart, centred.
-    const float jitter_x = (static_cast<float>(static_cast<int>(jitter_word & 0xffff)) + 0.5f) * 0x1p-16f;
-    const float jitter_y = (static_cast<float>(static_cast<int>(jitter_word >> 16)) + 0.5f) * 0x1p-16f;
-    return {static_cast<float>(shift_x_px) + (static_cast<float>(column) + jitter_x) * width,
-            static_cast<float>(shift_y_px) + (static_cast<float>(row) + jitter_y) * width};
-  }
 };
 
 PointSpreadFunction::PointSpreadFunction(const OpticsDescription& optics, double defocus_um, double blur_um)
@@ -116,16 +94,18 @@ PointSpreadFunction::PointSpreadFunction(const OpticsDescription& optics, double
   auto table = std::make_shared<Table>();
   const double pixels_per_um = optics.magnification / optics.pixel_um;
   const double unit_px = optics.wavelength_um / optics.numerical_aperture * pixels_per_um;
-  table->side = cells.side;
+  table->photons.side = cells.side;
   double width_px = finest_cell * unit_px;
   for (int level = 0; level < cell_levels; ++level, width_px *= 3) {
     table->width_px[level] = width_px;
-    table->level_px[level] = static_cast<float>(width_px);
+    table->photons.level_px[level] = static_cast<float>(width_px);
   }
   // A tilt of rms a um has the slope 2 a per aperture radius: it leaves the shape alone and moves it by 2 a /
   // NA.
   table->shift_x_px = 2 * optics.zernike_um[1] / optics.numerical_aperture * pixels_per_um;
   table->shift_y_px = 2 * optics.zernike_um[2] / optics.numerical_aperture * pixels_per_um;
+  table->photons.shift_x_px = static_cast<float>(table->shift_x_px);
+  table->photons.shift_y_px = static_cast<float>(table->shift_y_px);
   table->weights = integer_weights(cells.share, std::uint64_t{1} << 32);
 
   const CellAliases alias = make_cell_aliases(table->weights);
@@ -135,25 +115,24 @@ PointSpreadFunction::PointSpreadFunction(const OpticsDescription& optics, double
     const auto side = static_cast<std::uint32_t>(cells.side);
     return level << 16 | (within / side) << 8 | within % side;
   };
-  table->low_bits = alias.low_bits;
-  table->slots.reserve(alias.slots.size());
+  table->photons.low_bits = alias.low_bits;
+  table->photons.slots.reserve(alias.slots.size());
   for (const CellAlias& slot : alias.slots)
-    table->slots.push_back(std::uint64_t{slot.threshold} << threshold_shift | pack(slot.own) << cell_bits |
-                           pack(slot.alias));
+    table->photons.slots.push_back(std::uint64_t{slot.threshold} << PhotonTable::threshold_shift |
+                                   pack(slot.own) << PhotonTable::cell_bits | pack(slot.alias));
   table_ = std::move(table);
 }
 
 PointSpreadFunction::Displacement PointSpreadFunction::draw(std::uint32_t cell_word,
                                                             std::uint32_t jitter_word) const {
-  return table_->draw(cell_word, jitter_word);
+  return table_->photons.draw(cell_word, jitter_word);
 }
 
 void PointSpreadFunction::draw(std::span<const std::uint32_t> words, std::span<Displacement> out) const {
   if (words.size() < 2 * out.size())
     throw Error("words", "are " + std::to_string(words.size()) + ", must be two for each of " +
                              std::to_string(out.size()) + " photons");
-  const Table& table = *table_;
-  for (std::size_t n = 0; n < out.size(); ++n) out[n] = table.draw(words[2 * n], words[2 * n + 1]);
+  draw_photons(table_->photons, words.data(), out.size(), out.data());
 }
 
 void PointSpreadFunction::add_expected(PhotonImage& image, double photons, double x_px, double y_px,
@@ -161,7 +140,7 @@ void PointSpreadFunction::add_expected(PhotonImage& image, double photons, doubl
   require(binning_x >= 1, "binning_x", binning_x, "1 or more");
   require(binning_y >= 1, "binning_y", binning_y, "1 or more");
   const Table& table = *table_;
-  const int side = table.side;
+  const int side = table.photons.side;
   const double centre_x = (x_px + table.shift_x_px + 0.5 - origin_x) / binning_x;
   const double centre_y = (y_px + table.shift_y_px + 0.5 - origin_y) / binning_y;
   std::vector<double> line(static_cast<std::size_t>(image.columns()));
@@ -191,16 +170,16 @@ void PointSpreadFunction::add_expected(PhotonImage& image, double photons, doubl
 double PointSpreadFunction::fraction_within(double radius_px) const {
   require(radius_px >= 0, "radius_px", radius_px, "0 or more");
   const Table& table = *table_;
+  const int side = table.photons.side;
   double sum = 0;
   for (int level = 0; level < cell_levels; ++level) {
     const double width = table.width_px[level];
-    for (int j = 0; j < table.side; ++j)
-      for (int i = 0; i < table.side; ++i) {
-        const double weight =
-            table.weights[static_cast<std::size_t>((level * table.side + j) * table.side + i)];
+    for (int j = 0; j < side; ++j)
+      for (int i = 0; i < side; ++i) {
+        const double weight = table.weights[static_cast<std::size_t>((level * side + j) * side + i)];
         if (weight == 0) continue;
-        const double x0 = table.shift_x_px + (i - table.side / 2) * width, x1 = x0 + width;
-        const double y0 = table.shift_y_px + (j - table.side / 2) * width, y1 = y0 + width;
+        const double x0 = table.shift_x_px + (i - side / 2) * width, x1 = x0 + width;
+        const double y0 = table.shift_y_px + (j - side / 2) * width, y1 = y0 + width;
         const double far = std::max(x0 * x0, x1 * x1) + std::max(y0 * y0, y1 * y1);
         double share = 1;
         if (far > radius_px * radius_px)
@@ -214,7 +193,7 @@ double PointSpreadFunction::fraction_within(double radius_px) const {
 }
 
 double PointSpreadFunction::reach_px() const {
-  return table_->side / 2 * table_->width_px[cell_levels - 1] +
+  return table_->photons.side / 2 * table_->width_px[cell_levels - 1] +
          std::max(std::fabs(table_->shift_x_px), std::fabs(table_->shift_y_px));
 }
 

@@ -667,6 +667,7 @@ class Calibrator {
       const double thermal = std::min(sensor->dark_rate_e_per_s * notes_.exposure_s, dark_e_);
       sensor->dark_rate_e_per_s = notes_.exposure_s > 0 ? thermal / notes_.exposure_s : 0;
       sensor->clock_induced_charge_e = std::max(0.0, dark_e_ - thermal);
+      share_gain(lab);
     } else {
       auto& qcmos = std::get<QcmosDescription>(lab.sensor);
       ReadoutMode& mode = qcmos.readout_modes.front();

@@ -183,7 +183,9 @@ Lab lab_of_notes(const Notes& notes) {
   lab.effects.clear();
   lab.given_occupancies.clear();
   CameraSettings& camera = lab.settings;
+  const double temperature_c = camera.sensor_temperature_c;  // the camera's own: not every one gets as cold
   camera = CameraSettings{};
+  camera.sensor_temperature_c = temperature_c;
   camera.region = {0, 0, notes.shape.columns, notes.shape.rows};
   camera.exposure_s = notes.exposure_s;
   camera.frame_interval_s = notes.frame_interval_s > 0 ? notes.frame_interval_s : notes.exposure_s * 1.25;
@@ -249,6 +251,18 @@ Lab lab_of_notes(const Notes& notes) {
   }
   lab.place_sites();
   return lab;
+}
+
+void share_gain(Lab& lab) {
+  constexpr double largest_gain = 1000;
+  auto* emccd = std::get_if<EmccdDescription>(&lab.sensor);
+  if (!emccd || lab.settings.em_gain <= largest_gain) return;
+  const double rest = lab.settings.em_gain / largest_gain;
+  lab.settings.em_gain = largest_gain;
+  for (ReadoutMode& mode : emccd->readout_modes) {
+    mode.electrons_per_count /= rest;
+    mode.read_noise_e /= rest;  // as many counts as before
+  }
 }
 
 }  // namespace atomcam

@@ -66,4 +66,8 @@ Notes parse_notes(std::string_view text, std::string_view place, bool toml = fal
 /// The plain model at the noted values: no effects beyond those the notes give, sites where they were noted.
 Lab lab_of_notes(const Notes& notes);
 
+/// Frames tell the counts per electron, hardly which part of them the register makes: of a fitted gain beyond
+/// what a lab may have (1000) the rest is left to the preamplifier.
+void share_gain(Lab& lab);
+
 }  // namespace atomcam

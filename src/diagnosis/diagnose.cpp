@@ -200,6 +200,7 @@ class Diagnoser {
     result_.where = ranked_differences(declarations_, plain_.z, have_final_ ? final_.z : plain_.z);
     result_.plain_lab = plain_.fitted_lab();
     result_.lab = have_final_ ? final_.fitted_lab() : plain_.fitted_lab();
+    for (Lab* lab : {&result_.plain_lab, &result_.lab}) share_gain(*lab);
     if (result_.verdict == Verdict::no_gap && result_.p_gap < gap_level)
       result_.verdict = Verdict::unexplained;
     if (result_.verdict == Verdict::unexplained)

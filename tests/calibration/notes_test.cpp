@@ -47,6 +47,28 @@ TEST(Notes, TomlSaysTheSame) {
   EXPECT_TRUE(lab_of_notes(notes).scene.sites.empty());
 }
 
+TEST(Notes, TheLabOfEitherCameraCanBeWrittenAndRead) {
+  for (const char* text :
+       {emccd_notes, R"({"camera": "ORCA-Quest", "shape": [96, 96], "settings": {"bias_adu": 201}})"}) {
+    const Lab lab = lab_of_notes(parse_notes(text, "notes"));
+    EXPECT_NO_THROW(check_lab(lab, "notes"));
+    EXPECT_EQ(write_lab(parse_lab(write_lab(lab), "lab")), write_lab(lab));
+  }
+}
+
+TEST(Notes, AGainBeyondALabsIsSharedWithThePreamplifier) {
+  Lab lab = lab_of_notes(parse_notes(emccd_notes, "notes"));
+  ReadoutMode& mode = std::get<EmccdDescription>(lab.sensor).readout_modes[0];
+  share_gain(lab);
+  EXPECT_EQ(lab.settings.em_gain, 300);
+  EXPECT_EQ(mode.electrons_per_count, 4.85);
+  lab.settings.em_gain = 1250;
+  share_gain(lab);
+  EXPECT_NO_THROW(check_lab(lab, "notes"));
+  EXPECT_DOUBLE_EQ(lab.settings.em_gain / mode.electrons_per_count, 1250 / 4.85);
+  EXPECT_DOUBLE_EQ(mode.read_noise_e / mode.electrons_per_count, 4);
+}
+
 TEST(Notes, ErrorsNamePlaceAndValue) {
   EXPECT_NE(problem_of("{").find("notes"), std::string::npos);
   EXPECT_NE(problem_of("[1, 2").find("notes"), std::string::npos);

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <map>
 #include <set>
 #include <span>
 
@@ -54,8 +55,7 @@ class Race {
       if (!hopeless) go_on(one, first_rounds - look, "fit 1/");
     }
     sort();
-    std::set<std::vector<std::string>> seen;
-    std::erase_if(contenders_, [&](const Contender& one) { return !seen.insert(one.model.effects).second; });
+    keep_nearest_starts();
     for (const Contender& one : contenders_) ends_[one.model.effects] = one.model.nearest;
     if (plain_ < like_own)  // a gap in few statistics, of which the distance hardly tells: the scan does
       std::stable_sort(contenders_.begin(), contenders_.end(),
@@ -81,6 +81,7 @@ class Race {
       }
       progress_(title(contenders_[k].model), 0.4 + 0.1 * static_cast<double>(k));
       go_on(contenders_[k], more_rounds, "fit 2/");
+      if (contenders_[k].model.distance >= distance) try_second_start(contenders_[k]);
       ends_[contenders_[k].model.effects] = contenders_[k].model.nearest;
     }
     if (plain_ >= like_own) sort();
@@ -91,6 +92,26 @@ class Race {
   }
 
  private:
+  /// Of several effects the next start as well.
+  void keep_nearest_starts() {
+    std::set<std::vector<std::string>> seen;
+    std::vector<Contender> nearest;
+    for (Contender& one : contenders_)
+      if (seen.insert(one.model.effects).second)
+        nearest.push_back(std::move(one));
+      else if (one.model.effects.size() > 1)
+        second_starts_.try_emplace(one.model.effects, std::move(one));
+    contenders_ = std::move(nearest);
+  }
+  /// Where no round has come nearer, the start was in a valley of its own: of several effects each can make
+  /// up for a little of what another gets wrong.
+  void try_second_start(Contender& stuck) {
+    const auto second = second_starts_.find(stuck.model.effects);
+    if (second == second_starts_.end() || second->second.model.distance > no_better * stuck.model.distance)
+      return;
+    go_on(second->second, more_rounds, "fit 2/");
+    if (second->second.model.distance < stuck.model.distance) std::swap(stuck, second->second);
+  }
   void go_on(Contender& contender, int rounds, const std::string& step) {
     fit(contender.model, ground_, rounds, plan_, numbers_of(step + contender.name));
   }
@@ -109,6 +130,7 @@ class Race {
   const StackPlan& plan_;
   const DiagnosisProgress& progress_;
   Ends& ends_;
+  std::map<std::vector<std::string>, Contender> second_starts_;
   double plain_ = 0;  // distance of the plain model
 };
 

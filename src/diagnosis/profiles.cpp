@@ -8,6 +8,8 @@
 #include <limits>
 
 #include "analysis/fourier.hpp"
+#include "analysis/plane.hpp"
+#include "analysis/products.hpp"
 #include "calibration/site_light.hpp"
 #include "simulation/parallel.hpp"
 #include "simulation/simulation.hpp"
@@ -141,8 +143,6 @@ class Measurement {
       spectrum.add_power(power_);
       correlate(rest, level);
       if (open_) sites(n, frames);
-      before_.emplace_front(rest.begin(), rest.end());
-      if (before_.size() > lags) before_.pop_back();
     });
   }
 
@@ -160,21 +160,22 @@ class Measurement {
     }
   }
 
+  /// With zeros around the frame, pixels without a partner add nothing.
   void correlate(std::span<const double> rest, double level) {
-    const int step = pixels_ > 65536 ? 3 : 1;  // rows of a large frame: every third
-    for (int r = 0; r < rows_; r += step)
-      for (int c = 0; c < columns_; ++c) {
-        const double value = rest[index(r, c)] - level;
-        for (int d = 1; d <= lags; ++d) {
-          if (c + d < columns_) along_[static_cast<std::size_t>(d)].add(value, rest[index(r, c + d)] - level);
-          if (r + d < rows_) down_[static_cast<std::size_t>(d)].add(value, rest[index(r + d, c)] - level);
-        }
-      }
-    for (std::size_t d = 1; d <= before_.size(); ++d) {
-      const std::vector<double>& old = before_[d - 1];
-      for (std::size_t i = 0; i < pixels_; i += static_cast<std::size_t>(step))
-        later_[d].add(rest[i] - level, old[i]);
+    analysis::Plane now{analysis::PlaneShape(model_.shape)};
+    for (int r = 0; r < rows_; ++r)
+      for (int c = 0; c < columns_; ++c) now.at(r, c) = static_cast<float>(rest[index(r, c)] - level);
+    const auto stride = static_cast<std::size_t>(now.shape().stride);
+    square_ += analysis::sum_of_products(now.size(), now.inner(), now.inner());
+    for (std::size_t d = 1; d <= lags; ++d) {
+      along_[d] += analysis::sum_of_products(now.size(), now.inner(), now.inner() + d);
+      if (const std::size_t skipped = d * stride; skipped < now.size())
+        down_[d] += analysis::sum_of_products(now.size() - skipped, now.inner(), now.inner() + skipped);
+      if (d <= before_.size())
+        later_[d] += analysis::sum_of_products(now.size(), now.inner(), before_[d - 1].inner());
     }
+    before_.push_front(std::move(now));
+    if (before_.size() > lags) before_.pop_back();
   }
 
   void sites(std::size_t n, std::size_t) {
@@ -258,17 +259,22 @@ class Measurement {
   }
 
   void add_correlations(Profiles& to) const {
-    const auto values = [&](const std::array<Correlation, lags + 1>& list) {
+    // `pairs`: the part of all pixels of all frames that has a partner so far away.
+    const auto values = [&](const std::array<double, lags + 1>& products, double length) {
       std::vector<double> y;
-      for (int d = 1; d <= lags; ++d) y.push_back(list[static_cast<std::size_t>(d)].value());
+      for (int d = 1; d <= lags; ++d) {
+        const double pairs = 1 - d / length;
+        y.push_back(pairs > 0 && square_ > 0 ? products[static_cast<std::size_t>(d)] / (pairs * square_)
+                                             : nan);
+      }
       return y;
     };
     curve(to, "horizontal_correlation", "correlation with the pixel to the right", "pixels", "correlation",
-          whole_numbers(1, lags), values(along_));
+          whole_numbers(1, lags), values(along_, columns_));
     curve(to, "vertical_correlation", "correlation with the pixel below", "pixels", "correlation",
-          whole_numbers(1, lags), values(down_));
+          whole_numbers(1, lags), values(down_, rows_));
     curve(to, "lag_correlation", "correlation with the same pixel later", "frames", "correlation",
-          whole_numbers(1, lags), values(later_));
+          whole_numbers(1, lags), values(later_, frames()));
     curve(to, "around_bright_row", "along the row of a bright pixel", "pixels from it", "counts, clipped",
           along_row_.middles(), along_row_.means());
     curve(to, "around_bright_column", "along the column of a bright pixel", "pixels from it",
@@ -338,16 +344,6 @@ class Measurement {
         {key("site_map"), "light of the sites when filled", "of an atom", false, std::move(sites)});
   }
 
-  /// Pearson's, from running sums.
-  struct Correlation {
-    double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
-    void add(double x, double y) { n += 1, a += x, b += y, aa += x * x, bb += y * y, ab += x * y; }
-    double value() const {
-      const double va = aa * n - a * a, vb = bb * n - b * b;
-      return n > 2 && va > 0 && vb > 0 ? (ab * n - a * b) / std::sqrt(va * vb) : nan;
-    }
-  };
-
   const StackModel& model_;
   const FrameSequence& frames_;
   bool open_;
@@ -360,8 +356,9 @@ class Measurement {
   Bins narrow_ = narrow_bins(), wide_ = wide_bins();
   std::vector<double> row_sum_, row_square_, column_sum_, column_square_;
   std::vector<float> power_;
-  std::array<Correlation, lags + 1> along_, down_, later_;
-  std::deque<std::vector<double>> before_;
+  double square_ = 0;  // sum over all pixels of all frames; of products with pixels some lags away:
+  std::array<double, lags + 1> along_{}, down_{}, later_{};
+  std::deque<analysis::Plane> before_;
   Bins along_row_{-behind - 0.5, behind + 0.5, 2 * behind + 1}, along_column_ = along_row_;
   Bins level_ = series(), series_ = series(), filling_ = series();
   Bins brightness_{-0.6, 2.2, 84};

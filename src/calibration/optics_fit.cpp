@@ -583,7 +583,7 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
     return model.evaluate(p, derivatives);
   };
   if (known) {
-    best = maximise(rough.start(*known), roughly, 0.05, 12);
+    best = maximise(rough.start(*known), roughly, rough_tolerance, 12);
   } else {
     std::vector<Eigen::VectorXd> starts;
     for (const auto& [defocus, spherical] :
@@ -593,7 +593,7 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
     }
     best.values = best_ends(maximised_from(starts, roughly, 12, threads), 1).front();
   }
-  best = maximise(best.values, roughly, 0.05, 30);
+  best = maximise(best.values, roughly, rough_tolerance, 30);
   if (!known) {
     constexpr int most_sites = 10;  // each way: enough to tell directions apart
     const Middle middle(near, rough.lattice(best.values), most_sites);
@@ -601,7 +601,7 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
     const auto others =
         best_focus(Model(middle.mean, middle.lattice, wave, rough_pupil, rough_pupil), terms, wave, threads);
     if (others != terms) {
-      MaximumLikelihood found = maximise(rough.with(best.values, others), roughly, 0.05, 30);
+      MaximumLikelihood found = maximise(rough.with(best.values, others), roughly, rough_tolerance, 30);
       if (found.minus_log < best.minus_log) best = std::move(found);
     }
   }
@@ -687,7 +687,7 @@ FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optic
         }
         return one;
       },
-      0.05, more_steps);
+      rough_tolerance, more_steps);
   // Common optics see the mean square of the field's defocus: a tilt to the edge is root three times that.
   const double defocus = std::max(std::fabs(common.zernike_um[3]), 0.02 * optics.wavelength_um);
   std::vector<Eigen::VectorXd> starts;

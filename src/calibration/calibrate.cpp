@@ -299,8 +299,8 @@ class Calibrator {
     const double spot =
         std::clamp(0.25 * notes_.wavelength_um / notes_.numerical_aperture / pixel_um, 0.7, 4.0);
     if (input_.like)
-      result_.optics = fit_optics(mean, result_.lab.optics, input_.like->optics.lattice,
-                                  &input_.like->optics.zernike_um, nullptr, input_.threads);
+      result_.optics =
+          fit_optics(mean, result_.lab.optics, input_.like->optics.lattice, &input_.like->optics.zernike_um);
     else
       result_.optics = fit_optics(mean, result_.lab.optics, find_lattice(mean, noted_lattice(), spot),
                                   nullptr, nullptr, input_.threads);

@@ -254,7 +254,8 @@ Lab lab_of_notes(const Notes& notes) {
 }
 
 void share_gain(Lab& lab) {
-  constexpr double largest_gain = 1000;
+  static const double largest_gain =
+      find_lab_parameter(CameraKind::emccd, "camera.em_gain")->declaration.maximum;
   auto* emccd = std::get_if<EmccdDescription>(&lab.sensor);
   if (!emccd || lab.settings.em_gain <= largest_gain) return;
   const double rest = lab.settings.em_gain / largest_gain;

@@ -67,7 +67,7 @@ Notes parse_notes(std::string_view text, std::string_view place, bool toml = fal
 Lab lab_of_notes(const Notes& notes);
 
 /// Frames tell the counts per electron, hardly which part of them the register makes: of a fitted gain beyond
-/// what a lab may have (1000) the rest is left to the preamplifier.
+/// what a lab may have the rest is left to the preamplifier.
 void share_gain(Lab& lab);
 
 }  // namespace atomcam

@@ -39,10 +39,10 @@ void hold_zernikes(Model& model, const std::array<double, zernike_terms>& zernik
 }
 
 std::array<double, zernike_terms> zernikes_of_moving_image(const Calibration& calibration,
-                                                           const FrameSequence& frames) {
+                                                           const FrameSequence& frames, int threads) {
   const ImageMotion motion = image_motion(calibration.model, frames).without_noise();
   return fit_optics(calibration.mean_image, calibration.lab.optics, calibration.optics.lattice, nullptr,
-                    &motion)
+                    &motion, threads)
       .zernike_um;
 }
 

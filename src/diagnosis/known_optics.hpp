@@ -21,6 +21,6 @@ void hold_zernikes(Model& model, const std::array<double, zernike_terms>& zernik
 
 /// The Zernike terms that the calibration's mean image asks for, its image displaced as the frames show.
 std::array<double, zernike_terms> zernikes_of_moving_image(const Calibration& calibration,
-                                                           const FrameSequence& frames);
+                                                           const FrameSequence& frames, int threads);
 
 }  // namespace atomcam

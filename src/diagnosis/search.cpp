@@ -234,7 +234,8 @@ Model Search::with(const Model& before, const Scan& scan, const Eigen::VectorXd&
     start_at_field_focus(model, *field_focus_, calibration);
   }
   if (scan.effect->name == wandering_effect) {
-    if (!moving_zernikes_) moving_zernikes_ = zernikes_of_moving_image(calibration, ground_.frames);
+    if (!moving_zernikes_)
+      moving_zernikes_ = zernikes_of_moving_image(calibration, ground_.frames, ground_.plan.threads);
     hold_zernikes(model, *moving_zernikes_, calibration);
   }
   return model;

@@ -9,6 +9,7 @@
 #include "base/error.hpp"
 #include "base/quantile.hpp"
 #include "calibration/count_start.hpp"
+#include "calibration/kept_optics.hpp"
 #include "calibration/line_pattern.hpp"
 #include "calibration/parameter_table.hpp"
 #include "calibration/site_model.hpp"
@@ -302,8 +303,8 @@ class Calibrator {
       result_.optics =
           fit_optics(mean, result_.lab.optics, input_.like->optics.lattice, &input_.like->optics.zernike_um);
     else
-      result_.optics = fit_optics(mean, result_.lab.optics, find_lattice(mean, noted_lattice(), spot),
-                                  nullptr, nullptr, input_.threads);
+      result_.optics = kept_optics(input_.kept, mean, result_.lab.optics,
+                                   find_lattice(mean, noted_lattice(), spot), input_.threads);
     mean_site_e_ = result_.optics.mean_site_e();
     check_site_light(mean, result_.optics);
     if (!input_.like) check_site_images(mean, result_.optics);

@@ -13,6 +13,7 @@
 #include "calibration/optics_fit.hpp"
 #include "calibration/photon_transfer.hpp"
 #include "calibration/sensor_fit.hpp"
+#include "data/kept_results.hpp"
 #include "simulation/lab.hpp"
 
 namespace atomcam {
@@ -49,6 +50,8 @@ struct CalibrationInput {
   /// A calibration of a stack much like this one, to start from; the model then has its figures only.
   const struct Calibration* like = nullptr;
   int threads = 0;  // 0: as many as the machine has cores
+  /// Where the fit of the optics is kept for the next calibration to the same frames; null: nowhere.
+  const KeptResults* kept = nullptr;
 };
 
 /// Of each pixel, from dark frames; the offset includes the dark current of the exposure.

@@ -19,7 +19,6 @@ namespace {
 // Of the gap on held-out frames, for an effect to be named; and under which the frames are so odd that only
 // a large gap that it takes away lets it pass.
 constexpr double least_closed = 0.75;
-constexpr std::uintmax_t largest_cache = std::uintmax_t{4} << 30;
 
 /// All counts of a stack.
 std::string digest_of(const FrameSequence& frames) {
@@ -59,6 +58,8 @@ class Diagnoser {
     input.frames = &frames_;
     input.darks = darks_;
     input.threads = options_.threads;
+    std::optional<KeptResults> fits;  // which depend on nothing else
+    if (!options_.cache.empty()) input.kept = &fits.emplace(options_.cache, "");
     options_.beside.add_to(input);
     result_.calibration = calibrate(input);
     plan_.model = result_.calibration.model;
@@ -209,7 +210,7 @@ class Diagnoser {
       result_.unexplained = unexplained_of(declarations_, final_.z);
     result_.next_measurement = next_measurements(result_, darks_ != nullptr);
     result_.sentence = sentence_of(result_);
-    if (kept_) kept_->trim(largest_cache);
+    if (kept_) kept_->trim();
     tell("done", 1);
   }
 

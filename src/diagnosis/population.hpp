@@ -12,7 +12,7 @@
 
 #include "analysis/battery.hpp"
 #include "base/random.hpp"
-#include "diagnosis/kept_results.hpp"
+#include "data/kept_results.hpp"
 #include "diagnosis/uncertain.hpp"
 
 namespace atomcam {

@@ -1,6 +1,9 @@
 #include "diagnosis/report_folder.hpp"
 
+#include <optional>
+
 #include "data/output_files.hpp"
+#include "diagnosis/kept_profiles.hpp"
 #include "diagnosis/profiles.hpp"
 #include "diagnosis/report.hpp"
 
@@ -8,8 +11,11 @@ namespace atomcam {
 
 void write_diagnosis(const std::filesystem::path& folder, const Diagnosis& diagnosis,
                      const DiagnosisInputs& inputs, const FrameSequence& frames, const FrameSequence* darks,
-                     const FrameSequence* against, int threads, const std::function<void(double)>& progress) {
+                     const FrameSequence* against, int threads, const std::filesystem::path& cache,
+                     const std::function<void(double)>& progress) {
   const StackModel& model = diagnosis.calibration.model;
+  std::optional<KeptResults> kept;
+  if (!cache.empty()) kept.emplace(cache, write_lab(diagnosis.calibration.lab));
   if (against) darks = nullptr;  // they were not compared
   const std::size_t dark_frames = darks ? darks->frames() : 0;
   const int stacks = report_stacks(frames.frames(), frames.shape().pixels());
@@ -17,12 +23,16 @@ void write_diagnosis(const std::filesystem::path& folder, const Diagnosis& diagn
   const auto tell = [&](int done) {
     if (progress) progress(static_cast<double>(done) / (fixed ? 2 * stacks : stacks));
   };
+  ReportProfiles profiles;
   const auto simulate = [&](const Lab& lab, int before) {
-    return simulate_profiles(model, lab, frames.frames(), dark_frames, stacks, inputs.seed * 1000, threads,
-                             [&](int done) { tell(before + done); });
+    ResultKey key;
+    key.add("profiles").add(frames.frames()).add(dark_frames).add(inputs.seed).add(write_lab(lab));
+    return kept_profiles(kept ? &*kept : nullptr, key, profiles.real, stacks, [&] {
+      return simulate_profiles(model, lab, frames.frames(), dark_frames, stacks, inputs.seed * 1000, threads,
+                               [&](int done) { tell(before + done); });
+    });
   };
   tell(0);
-  ReportProfiles profiles;
   profiles.real = measure_profiles(model, frames, darks);
   profiles.plain = simulate(diagnosis.plain_lab, 0);
   if (against) {
@@ -30,6 +40,7 @@ void write_diagnosis(const std::filesystem::path& folder, const Diagnosis& diagn
     profiles.other = "other stack";
   }
   if (fixed) profiles.fixed = simulate(diagnosis.lab, stacks);
+  if (kept) kept->trim();
   const std::string page = diagnosis_report(diagnosis, inputs, profiles);
   make_folder(folder, "folder");
   write_text(folder / "diagnosis.json", diagnosis_json(diagnosis, inputs));

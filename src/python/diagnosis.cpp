@@ -33,6 +33,7 @@ struct Diagnosed {
   DiagnosisInputs inputs;
   std::map<std::string, Frames> stacks;
   int threads = 1;
+  std::filesystem::path cache;
 
   /// Null if there is none.
   const FrameSequence* stack(const std::string& role) const {
@@ -41,7 +42,7 @@ struct Diagnosed {
   }
   void write(const std::string& folder, const std::function<void(double)>& progress) const {
     write_diagnosis(folder, diagnosis, inputs, *stack("frames"), stack("darks"), stack("against"), threads,
-                    progress);
+                    cache, progress);
   }
 };
 
@@ -56,6 +57,7 @@ std::unique_ptr<Diagnosed> diagnose_frames(const std::vector<Input>& in, const N
                                            const py::object& progress) {
   auto made = std::make_unique<Diagnosed>();
   made->threads = thread_count(threads);
+  made->cache = cache;
   for (const auto& [role, name, sha256, stack] : in) {
     made->inputs.files.push_back(
         {role, name, sha256, stack ? stack->frames() : 0, stack ? stack->shape() : Shape{}});

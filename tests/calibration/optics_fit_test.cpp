@@ -5,7 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <filesystem>
+
+#include "calibration/kept_optics.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace atomcam {
 namespace {
@@ -159,6 +164,46 @@ TEST(OpticsFit, FocusWithAstigmatismIsNoDefocus) {
   const OpticsFit fit = fit_optics(mean_image_of(optics, truth, {46, 64}), optics, start);
   for (int term = 3; term < zernike_terms; ++term)
     EXPECT_NEAR(fit.zernike_um[term], optics.zernike_um[term], 0.001) << term;
+}
+
+TEST(KeptOptics, AreThoseThatWereFitted) {
+  const OpticsDescription optics = emccd_optics();
+  const Lattice lattice{
+      .columns = 3, .rows = 2, .origin_x = 8, .origin_y = 8.2, .a_x = 9, .a_y = 0, .b_x = 0, .b_y = 9};
+  const MeanImage mean = mean_image_of(optics, lattice, {26, 35});
+  const TemporaryFolder folder;
+  const KeptResults kept(folder.path(), "");
+  const OpticsFit fit = kept_optics(&kept, mean, optics, lattice, 2);
+  const std::filesystem::path file = std::filesystem::directory_iterator(folder.path())->path();
+  const auto long_ago = std::filesystem::file_time_type::clock::now() - std::chrono::hours(1);
+  std::filesystem::last_write_time(file, long_ago);
+  const OpticsFit again = kept_optics(&kept, mean, optics, lattice, 2);
+  EXPECT_GT(std::filesystem::last_write_time(file), long_ago) << "it was fitted again";
+  for (const OpticsFit& one : {again, fit_optics(mean, optics, lattice)}) {
+    EXPECT_EQ(one.zernike_um, fit.zernike_um);
+    EXPECT_EQ(one.site_e, fit.site_e);
+    EXPECT_EQ(one.covariance, fit.covariance);
+    EXPECT_EQ(one.lattice.columns, fit.lattice.columns);
+    EXPECT_EQ(one.lattice.rows, fit.lattice.rows);
+    EXPECT_EQ(one.lattice.x(1, 2), fit.lattice.x(1, 2));
+    EXPECT_EQ(one.lattice.y(2, 1), fit.lattice.y(2, 1));
+    EXPECT_EQ(one.background_e, fit.background_e);
+    EXPECT_EQ(one.background_error, fit.background_error);
+    EXPECT_EQ(one.chi_square, fit.chi_square);
+    EXPECT_EQ(one.degrees_of_freedom, fit.degrees_of_freedom);
+    EXPECT_EQ(one.converged, fit.converged);
+    EXPECT_EQ(one.position_error_px, fit.position_error_px);
+  }
+  MeanImage other = mean;
+  other.electrons(3, 3) += 0.01;
+  OpticsDescription wider = optics;
+  wider.numerical_aperture += 0.01;
+  Lattice moved = lattice;
+  moved.b_y += 0.01;
+  kept_optics(&kept, other, optics, lattice, 2);
+  kept_optics(&kept, mean, wider, lattice, 2);
+  kept_optics(&kept, mean, optics, moved, 2);
+  EXPECT_EQ(4, std::distance(std::filesystem::directory_iterator(folder.path()), {}));
 }
 
 // The image wanders by half a pixel along one axis while the stack is taken: to optics alone, astigmatism.

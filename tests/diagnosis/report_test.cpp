@@ -10,8 +10,10 @@
 #include <set>
 
 #include "calibration/site_model.hpp"
+#include "diagnosis/kept_profiles.hpp"
 #include "support/markup.hpp"
 #include "support/small_array.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace atomcam {
 namespace {
@@ -252,6 +254,45 @@ TEST(Profiles, ThreadsDoNotChangeThem) {
         const double a = one[n].curves[k].y[i], b = two[n].curves[k].y[i];
         ASSERT_TRUE(a == b || (std::isnan(a) && std::isnan(b))) << one[n].curves[k].key;
       }
+}
+
+TEST(Profiles, KeptOnesAreThoseThatWereSimulated) {
+  const Stacks it;
+  const FramesInMemory frames = small_frames(it.noisy, 8, true, 5),
+                       darks = small_frames(it.noisy, 8, false, 5);
+  const Profiles real = measure_profiles(it.model, frames, &darks);
+  const TemporaryFolder folder;
+  const KeptResults kept(folder.path(), "");
+  int simulated = 0;
+  const auto ask = [&](std::uint64_t seed) {
+    ResultKey key;
+    key.add(seed);
+    return kept_profiles(&kept, key, real, 2, [&] {
+      ++simulated;
+      return simulate_profiles(it.model, it.lab, 8, 8, 2, seed, 2);
+    });
+  };
+  const auto fresh = ask(1), again = ask(1);
+  EXPECT_EQ(simulated, 1);
+  const auto equal = [](const auto& a, const auto& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](double one, double other) {
+      return one == other || (std::isnan(one) && std::isnan(other));
+    });
+  };
+  for (std::size_t n = 0; n < 2; ++n) {
+    for (std::size_t k = 0; k < fresh[n].curves.size(); ++k) {
+      EXPECT_EQ(fresh[n].curves[k].key, again[n].curves[k].key);
+      EXPECT_EQ(fresh[n].curves[k].title, again[n].curves[k].title);
+      EXPECT_TRUE(equal(fresh[n].curves[k].x, again[n].curves[k].x)) << fresh[n].curves[k].key;
+      EXPECT_TRUE(equal(fresh[n].curves[k].y, again[n].curves[k].y)) << fresh[n].curves[k].key;
+    }
+    for (std::size_t k = 0; k < fresh[n].maps.size(); ++k) {
+      EXPECT_EQ(fresh[n].maps[k].key, again[n].maps[k].key);
+      EXPECT_TRUE(equal(fresh[n].maps[k].values.pixels(), again[n].maps[k].values.pixels()));
+    }
+  }
+  ask(2);
+  EXPECT_EQ(simulated, 2);
 }
 
 TEST(DiagnosisReport, StandsAlone) {

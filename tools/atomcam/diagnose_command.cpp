@@ -129,7 +129,7 @@ int run(const DiagnoseOptions& options) {
     diagnosis = against ? diagnose_against(notes, *frames, *against, darks.get(), how)
                         : diagnose(notes, *frames, darks.get(), how);
     write_diagnosis(
-        folder, diagnosis, inputs, *frames, darks.get(), against.get(), how.threads,
+        folder, diagnosis, inputs, *frames, darks.get(), against.get(), how.threads, how.cache,
         [&](double done) { progress.update("report", for_diagnosis + (1 - for_diagnosis) * done); });
   }
   for (const std::string& key : notes.not_understood)

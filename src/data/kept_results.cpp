@@ -1,4 +1,4 @@
-#include "diagnosis/kept_results.hpp"
+#include "data/kept_results.hpp"
 
 #include <dlfcn.h>
 #include <unistd.h>
@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr std::string_view magic = "atomcam kept 1\n\n";
-constexpr std::uint64_t largest_side = 1u << 20;
+constexpr std::uint64_t largest_side = 1u << 30;
 
 std::string digest_of(std::string_view bytes) {
   Sha256 hash;

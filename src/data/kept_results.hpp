@@ -1,6 +1,5 @@
 #pragma once
-// What simulated stacks gave, kept on disk: the same stacks of the same diagnosis need not be simulated
-// again.
+// What took long to work out, kept on disk: simulated stacks or a fit need not be gone through again.
 
 #include <Eigen/Dense>
 #include <cstdint>
@@ -37,8 +36,9 @@ class KeptResults {
 
   std::optional<Matrices> find(ResultKey key) const;
   void keep(ResultKey key, const Matrices& matrices) const;
+  static constexpr std::uintmax_t largest = std::uintmax_t{4} << 30;
   /// Removes what was not used for longest until at most `bytes` are left.
-  void trim(std::uintmax_t bytes) const;
+  void trim(std::uintmax_t bytes = largest) const;
 
  private:
   std::filesystem::path file_of(ResultKey key) const;

@@ -1,6 +1,6 @@
 // Results on disk: what was kept comes back bit by bit, what was damaged does not come back.
 
-#include "diagnosis/kept_results.hpp"
+#include "data/kept_results.hpp"
 
 #include <gtest/gtest.h>
 

@@ -20,6 +20,9 @@ struct StatisticDeclaration {
   std::string place;       // in words: "dark pixels", "rows", "columns", "occupied sites", "whole frame"
   bool darks = false;      // measured in the frames with the shutter closed
   bool outliers = false;   // logarithm of 1 and a sum over outliers: a part of one of them means nothing
+  /// In plain stacks many deviations off now and then: an extreme, a count of rare events, a number that does
+  /// not follow the calibration in a straight line.
+  bool unsteady = false;
 };
 
 /// Where the battery splits a stack: frame n belongs to part (n / block) % 2.

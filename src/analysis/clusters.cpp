@@ -99,7 +99,7 @@ class Clusters : public Family {
     const Events events = events_.of(which);
     const bool enough = record.count(which) > 0;
     const auto put = [&](std::string_view name, double number) {
-      sheet.put(name, enough ? std::asinh(number) : not_a_number);
+      sheet.put_unsteady(name, enough ? std::asinh(number) : not_a_number);
     };
     put("single", events.sums[Events::single]);
     put("two_to_three", events.sums[Events::two_to_three]);

@@ -39,7 +39,7 @@ class FrameSeries : public Family {
       }
     const double width = std::sqrt(static_cast<double>(layout_.shape.pixels()));
     sheet.kind({"lag_correlation", "time", "whole frame"});
-    sheet.put("most_alike", pairs > 2 ? std::asinh(largest * width / 4) : not_a_number);
+    sheet.put_unsteady("most_alike", pairs > 2 ? std::asinh(largest * width / 4) : not_a_number);
     sheet.put("least_alike", pairs > 2 ? std::asinh(smallest * width / 4) : not_a_number);
     sheet.put("alike", pairs > 2 ? std::asinh(sum / std::sqrt(pairs) * width / 4) : not_a_number);
     if (layout_.packed.empty()) return;

@@ -80,7 +80,7 @@ class Lines : public Family {
       sheet.put(name, "eighth", s[LineSums::eighth] / s[LineSums::square]);
       sheet.put(name, "odd", std::log(s[LineSums::odd] / s[LineSums::square] + 1e-3));
       sheet.put(name, "frame_before", s[LineSums::before] / s[LineSums::before_square]);
-      sheet.put(name, "largest", std::log(lines.largest));
+      sheet.put_unsteady(name, "largest", std::log(lines.largest));
     };
     put(row_.of(which), "rows", "row_means");
     put(column_.of(which), "columns", "column_means");

@@ -69,7 +69,7 @@ class PixelHistogram : public Family {
              (level * total - below[k - 1]) / (below[k] - below[k - 1]);
     };
     for (const Quantile& q : quantiles)
-      sheet.put("quantile", q.name, std::asinh((quantile(q.level) - bias) / read));
+      sheet.put_unsteady("quantile", q.name, std::asinh((quantile(q.level) - bias) / read));
     const auto above = [&](double value) { return total - number_below(value); };
     const auto root = [&](double number) { return std::sqrt(std::max(number, 0.0) / total); };
     const double band3 = bias + 3 * read, band5 = bias + 5 * read, band8 = bias + 8 * read,
@@ -77,9 +77,9 @@ class PixelHistogram : public Family {
     sheet.put("between_3_and_5_read_noises", root(above(band3) - above(band5)));
     sheet.put("between_5_and_8_read_noises", root(above(band5) - above(band8)));
     sheet.put("between_8_and_15_read_noises", root(above(band8) - above(band15)));
-    sheet.put("above_15_read_noises", root(above(band15)));
-    sheet.put("below_3_read_noises", root(number_below(bias - 3 * read)));
-    sheet.put("below_5_read_noises", root(number_below(bias - 5 * read)));
+    sheet.put_unsteady("above_15_read_noises", root(above(band15)));
+    sheet.put_unsteady("below_3_read_noises", root(number_below(bias - 3 * read)));
+    sheet.put_unsteady("below_5_read_noises", root(number_below(bias - 5 * read)));
 
     // Moments, clipped where the model's law ends, so that a cosmic ray is one pixel among many.
     const double scale = std::max(layout_.white, read);
@@ -114,7 +114,7 @@ class PixelHistogram : public Family {
     sheet.put("variance", std::log(m2));
     sheet.put("skewness", std::asinh(m3 / std::pow(m2, 1.5)));
     sheet.put("kurtosis", std::log(m4 / (m2 * m2)));
-    sheet.put("unclipped_variance", std::log(all / m2));
+    sheet.put_unsteady("unclipped_variance", std::log(all / m2));
     // Mean excess over a threshold: the gain, for an exponential tail; in the first gain's length it is
     // shorter where charge was made on the way through the register.
     sheet.put("tail_length", std::log((high_tail + gain) / (high_number + 1) / gain));
@@ -137,8 +137,8 @@ class PixelHistogram : public Family {
     sheet.put("comb", std::log(missing / std::max(1.0, p84 - p16) + 0.1));
     law_.put(below, static_cast<int>(first), sheet);
     sheet.kind({"pixel_histogram", "intensity", "whole frame"});
-    sheet.put("smallest", std::asinh((quantile(0) - bias) / read));
-    sheet.put("largest", std::log(std::max(quantile(1) - bias, 1.0)));
+    sheet.put_unsteady("smallest", std::asinh((quantile(0) - bias) / read));
+    sheet.put_unsteady("largest", std::log(std::max(quantile(1) - bias, 1.0)));
   }
 
  private:

@@ -40,6 +40,38 @@ StampSums add_stamp(std::size_t rows, std::size_t width, const float* light, con
           static_cast<float>(total(w2)), static_cast<float>(total(c3))};
 }
 
+/// How the pixels of each column, or row, answer to the light of the sites, beside the model.
+class LineResponse {
+ public:
+  explicit LineResponse(int lines) : product_(static_cast<std::size_t>(lines)), norm_(product_.size()) {}
+
+  /// A pixel's answer and what the model expects of it, weighed by its noise; norm: the variance of the
+  /// product by noise.
+  void add(int line, double product, double norm) {
+    product_[static_cast<std::size_t>(line)] += product;
+    norm_[static_cast<std::size_t>(line)] += norm;
+  }
+  void put(Sheet& sheet, std::string_view lines, bool enough) const {
+    double square = 0, count = 0, largest = 0, odd = 0, odd_norm = 0;
+    for (std::size_t k = 0; k < product_.size(); ++k) {
+      if (!(norm_[k] > 0)) continue;
+      const double z = product_[k] / std::sqrt(norm_[k]);
+      square += z * z, ++count;
+      largest = std::max(largest, std::abs(z));
+      odd += k % 2 ? product_[k] : -product_[k];
+      odd_norm += norm_[k];
+    }
+    const auto ok = [&](double value) { return enough && count > 0 ? value : not_a_number; };
+    sheet.kind({lines == "rows" ? "row_means" : "column_means", "space", lines});
+    sheet.put(lines, "response_variance", ok(std::log(square / count)));
+    sheet.put_unsteady(lines, "response_largest", ok(std::log(largest)));
+    sheet.put(lines, "response_period_2", ok(std::asinh(odd / std::sqrt(odd_norm) / 4)));
+  }
+
+ private:
+  std::vector<double> product_, norm_;
+};
+
 /// Templates of a change of the image: its derivatives.
 enum Shape2 { dx, dy, dxx, dyy, dxy, coma_x, coma_y, ring, template_count };
 constexpr std::string_view template_names[] = {"x",        "y",      "width_x", "width_y",
@@ -160,6 +192,7 @@ class PointSpread : public Family {
     std::vector<std::array<double, template_count>> shape(sites);
     std::array<double, rings> ring_sum{}, ring_norm{};
     std::array<double, tails> tail_x{}, tail_y{};
+    LineResponse columns(layout_.shape.columns), rows(layout_.shape.rows);
     double all_change = 0, misfit = 0, misfit_wing = 0, misfit_count = 0, wing_count = 0;
     for (std::size_t s = 0; s < sites; ++s) {
       const PackedSite& packed = layout_.packed[s];
@@ -202,6 +235,9 @@ class PointSpread : public Family {
             ring_sum[static_cast<std::size_t>(k)] += e;
             ring_norm[static_cast<std::size_t>(k)] += change2;
           }
+          const double expected = share(r, c) * w;
+          columns.add(layout_.sites[s].left + c, e * expected, share(r, c) * expected * change2);
+          rows.add(layout_.sites[s].top + r, e * expected, share(r, c) * expected * change2);
           const double z2 = e * e * w / change2;
           if (packed.core[i] > 0)
             misfit += z2, ++misfit_count;
@@ -256,6 +292,8 @@ class PointSpread : public Family {
     sheet.kind({"point_spread_width", "shape", "all sites"});
     sheet.put("misfit.core", ok(std::log(misfit / misfit_count)));
     sheet.put("misfit.wing", ok(std::log(misfit_wing / wing_count)));
+    columns.put(sheet, "columns", enough);
+    rows.put(sheet, "rows", enough);
 
     // Noise in the image against brightness.
     sheet.family("image_noise");

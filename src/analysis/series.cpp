@@ -109,12 +109,14 @@ void put_series(Sheet& sheet, std::string_view name, std::span<const double> val
       after += present[i + width] - present[i];
     }
   }
-  sheet.put(name, "jump",
-            present.size() >= 2 * width ? std::log(jump / (sigma * std::sqrt(2.0 * width))) : not_a_number);
-  sheet.put(name, "largest", series.count < 3 ? not_a_number : std::log(largest / sigma));
-  sheet.put(name, "first_frames",
-            first_count > 0 && series.count > 5 ? std::asinh(first / sigma / std::sqrt(first_count) / 4)
-                                                : not_a_number);
+  sheet.put_unsteady(
+      name, "jump",
+      present.size() >= 2 * width ? std::log(jump / (sigma * std::sqrt(2.0 * width))) : not_a_number);
+  sheet.put_unsteady(name, "largest", series.count < 3 ? not_a_number : std::log(largest / sigma));
+  sheet.put_unsteady(name, "first_frames",
+                     first_count > 0 && series.count > 5
+                         ? std::asinh(first / sigma / std::sqrt(first_count) / 4)
+                         : not_a_number);
   sheet.put(name, "odd_frames",
             series.count < 4 ? not_a_number : std::asinh(odd / sigma / std::sqrt(series.count / 4) / 4));
   if (series.count < 16 || series.variance == 0) {

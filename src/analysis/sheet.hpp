@@ -32,16 +32,23 @@ class Sheet {
 
   /// `name` after "light.<family>." or "dark.<family>.".
   void put(std::string_view name, double value) { put(name, {}, value); }
-  void put(std::string_view name, std::string_view suffix, double value) { add(name, suffix, value, false); }
+  void put(std::string_view name, std::string_view suffix, double value) {
+    add(name, suffix, value, false, false);
+  }
+  /// One that is unsteady, see StatisticDeclaration.
+  void put_unsteady(std::string_view name, double value) { put_unsteady(name, {}, value); }
+  void put_unsteady(std::string_view name, std::string_view suffix, double value) {
+    add(name, suffix, value, false, true);
+  }
   /// A sum over outliers.
   void put_outliers(std::string_view name, std::string_view suffix, double sum) {
-    add(name, suffix, std::log1p(sum), true);
+    add(name, suffix, std::log1p(sum), true, true);
   }
   std::vector<StatisticDeclaration> take_declarations() { return std::move(declarations_); }
   std::vector<double> take_values() { return std::move(values_); }
 
  private:
-  void add(std::string_view name, std::string_view suffix, double value, bool outliers) {
+  void add(std::string_view name, std::string_view suffix, double value, bool outliers, bool unsteady) {
     if (!declaring_) return values_.push_back(any_ && std::isfinite(value) ? value : not_a_number);
     std::string full = darks_ ? "dark." : "light.";
     full.append(family_).append(".").append(name);
@@ -51,7 +58,8 @@ class Sheet {
                              .axis = std::string(kind_.axis),
                              .place = std::string(kind_.place),
                              .darks = darks_,
-                             .outliers = outliers});
+                             .outliers = outliers,
+                             .unsteady = unsteady});
   }
 
   bool declaring_;

@@ -225,8 +225,8 @@ class SiteBrightness : public Family {
       sheet.put(name, "neighbours", ok(neighbours / chi));
       sheet.put(name, "checker", ok(sign(checker / std::sqrt(n))));
       sheet.put(name, "few_waves", ok(std::log(few_waves(z, row_, column_))));
-      sheet.put(name, "highest", ok(sign(top)));
-      sheet.put(name, "lowest", ok(sign(bottom)));
+      sheet.put_unsteady(name, "highest", ok(sign(top)));
+      sheet.put_unsteady(name, "lowest", ok(sign(bottom)));
     };
     std::vector<double> error2(sites), filling(sites), filling_error2(sites), lost(sites), lost_error2(sites),
         empty_error2(sites);

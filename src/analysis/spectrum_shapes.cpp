@@ -31,14 +31,12 @@ void put_spectrum(Sheet& sheet, std::span<const float> power, int rows, int colu
   }
   const double mean = sum / count;
   const bool any = sum > 0;
-  const auto put = [&](std::string_view name, double value) {
-    sheet.put(name, any ? std::log(value / mean + 1e-6) : not_a_number);
-  };
-  put("peak_along_rows", static_cast<double>(along_row));
-  put("peak_along_columns", static_cast<double>(along_column));
-  put("peak_oblique", static_cast<double>(oblique));
-  put("low", low / std::max(low_count, 1.0));
-  put("high", high / std::max(high_count, 1.0));
+  const auto over_mean = [&](double value) { return any ? std::log(value / mean + 1e-6) : not_a_number; };
+  sheet.put_unsteady("peak_along_rows", over_mean(static_cast<double>(along_row)));
+  sheet.put_unsteady("peak_along_columns", over_mean(static_cast<double>(along_column)));
+  sheet.put_unsteady("peak_oblique", over_mean(static_cast<double>(oblique)));
+  sheet.put("low", over_mean(low / std::max(low_count, 1.0)));
+  sheet.put("high", over_mean(high / std::max(high_count, 1.0)));
 }
 
 }  // namespace atomcam::analysis

@@ -113,8 +113,8 @@ class StaticMaps : public Family {
     }
     sheet.put_outliers("above", {}, ok(outliers.above));
     if (all) sheet.put_outliers("below", {}, ok(outliers.below));
-    sheet.put("highest", ok(std::log(outliers.highest + 1)));
-    if (all) sheet.put("lowest", ok(std::log(1 - outliers.lowest)));
+    sheet.put_unsteady("highest", ok(std::log(outliers.highest + 1)));
+    if (all) sheet.put_unsteady("lowest", ok(std::log(1 - outliers.lowest)));
     // Lines, each in units of its own noise.
     const auto lines = [&](bool along_rows, std::string_view name, std::string_view observable) {
       const auto n = static_cast<std::size_t>(along_rows ? rows : columns);
@@ -142,7 +142,7 @@ class StaticMaps : public Family {
       sheet.put(name, "first", ok(std::asinh(profile.front() / 4)));
       sheet.put(name, "last", ok(std::asinh(profile.back() / 4)));
       sheet.put(name, "next", ok(next / variance));
-      sheet.put(name, "largest", ok(std::log(largest)));
+      sheet.put_unsteady(name, "largest", ok(std::log(largest)));
       const double root = std::sqrt(static_cast<double>(n));
       sheet.put(name, "period_2", ok(std::asinh(odd / root / 4)));
       sheet.put(name, "period_4", ok(std::log((re4 * re4 + im4 * im4) / static_cast<double>(n) + 0.3)));

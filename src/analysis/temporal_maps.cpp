@@ -163,7 +163,7 @@ class TemporalMaps : public Family {
     for (const std::uint32_t p : quiet_) quiet_logs.push_back(logs[p]);
     const double spread = core_spread(quiet_logs);
     sheet.kind({"variance_map", "space", "whole frame"});
-    sheet.put("variance", ok(std::log(mean)));
+    sheet.put_unsteady("variance", ok(std::log(mean)));
     sheet.put("variance_spread", ok(std::log(spread * std::sqrt(std::max(frames, 1.0) / 2))));
     sheet.put("gradient_x", ok(gx / norm_x));
     sheet.put("gradient_y", ok(gy / norm_y));
@@ -180,7 +180,7 @@ class TemporalMaps : public Family {
     for (const std::uint32_t p : quiet) noisy.take(static_cast<double>(logs[p]) / spread);
     sheet.put_outliers("noisy", {}, ok(noisy.above));
     sheet.put_outliers("quiet", {}, ok(noisy.below));
-    sheet.put("noisiest", ok(std::log1p(noisy.highest)));
+    sheet.put_unsteady("noisiest", ok(std::log1p(noisy.highest)));
     sheet.put("still", ok(std::asinh(still)));
     float top_linear = 0;
     double sum_linear = 0;
@@ -188,7 +188,8 @@ class TemporalMaps : public Family {
       sum_linear += static_cast<double>(linear[p]), top_linear = std::max(top_linear, linear[p]);
     sum_linear *= n / static_cast<double>(quiet.size());
     sheet.put("linear_variance", ok(std::log(sum_linear / n)));
-    sheet.put("largest_linear_variance", ok(std::log(static_cast<double>(top_linear) / (sum_linear / n))));
+    sheet.put_unsteady("largest_linear_variance",
+                       ok(std::log(static_cast<double>(top_linear) / (sum_linear / n))));
 
     // The noisiest half per cent: two levels that alternate (flat law, memory) or are drawn anew (no memory).
     const std::size_t few = std::min(std::max<std::size_t>(quiet.size() / 200, 4), quiet.size() - 1);
@@ -202,12 +203,12 @@ class TemporalMaps : public Family {
       noisy_lag1 += static_cast<double>(lag1[order[i]]) / static_cast<double>(few);
       noisy_lag2 += static_cast<double>(lag2[order[i]]) / static_cast<double>(few);
     }
-    sheet.put("noisiest_few.variance", ok(noisy_variance));
+    sheet.put_unsteady("noisiest_few.variance", ok(noisy_variance));
     sheet.kind({"kurtosis_map", "intensity", "whole frame"});
-    sheet.put("noisiest_few.kurtosis", ok(std::log(noisy_kurtosis)));
+    sheet.put_unsteady("noisiest_few.kurtosis", ok(std::log(noisy_kurtosis)));
     sheet.kind({"lag_correlation", "time", "whole frame"});
-    sheet.put("noisiest_few.lag_1", ok(noisy_lag1));
-    sheet.put("noisiest_few.lag_2", ok(noisy_lag2));
+    sheet.put_unsteady("noisiest_few.lag_1", ok(noisy_lag1));
+    sheet.put_unsteady("noisiest_few.lag_2", ok(noisy_lag2));
     sheet.put("lag_1", ok(total_lag1 / total_square * static_cast<double>(n1)));
     sheet.put("lag_2", ok(total_lag2 / total_square * static_cast<double>(n2)));
     const auto tails = [&](std::string_view name, const std::vector<float>& map) {
@@ -220,8 +221,8 @@ class TemporalMaps : public Family {
         square += v * v;
       }
       sheet.put_outliers(name, "above", ok(outliers.above));
-      sheet.put(name, "largest", ok(outliers.highest));
-      sheet.put(name, "spread", ok(std::log(square / static_cast<double>(quiet.size()))));
+      sheet.put_unsteady(name, "largest", ok(outliers.highest));
+      sheet.put_unsteady(name, "spread", ok(std::log(square / static_cast<double>(quiet.size()))));
       sheet.put_outliers(name, "below", ok(outliers.below));
     };
     tails("lag_1_map", lag1);
@@ -254,7 +255,7 @@ class TemporalMaps : public Family {
     sheet.kind({"mean_variance_curve", "intensity", "whole frame"});
     constexpr std::string_view names[] = {"0", "1", "2", "3", "4", "5"};
     for (std::size_t k = 0; k < 6; ++k)
-      sheet.put("by_light", names[k], ok(std::log(bin_sum[k] / bin_count[k])));
+      sheet.put_unsteady("by_light", names[k], ok(std::log(bin_sum[k] / bin_count[k])));
   }
 
  private:

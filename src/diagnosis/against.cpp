@@ -152,14 +152,16 @@ class Comparison {
         standard.judge(as_vector(one.whole) - as_vector(two.whole)).cwiseQuotient(factor);
 
     // As unlikely as among simulated stacks and as among halves of the real ones: the likelier of both.
-    result_.p_gap = std::max(OmnibusTest(standard).p_value(z),
-                             OmnibusTest(in_own_scatter(of_frames, of_against)).p_value(z));
+    std::vector<bool> unsteady;
+    for (const StatisticDeclaration& each : declarations) unsteady.push_back(each.unsteady);
+    result_.p_gap = std::max(OmnibusTest(standard.own(), unsteady).p_value(z),
+                             OmnibusTest(in_own_scatter(of_frames, of_against), unsteady).p_value(z));
     result_.p_after = result_.p_gap;
     GapClosed& gap = result_.gap;
     gap.metric = "mean square of the 12 largest differences of the battery between the two stacks";
     gap.before = gap.after = gap_of(z);
     gap.floor = Floor(standard.own()).at(0.5);
-    result_.where = ranked_differences(declarations, z, z);
+    result_.where = ranked_differences(declarations, z, z, standard.own());
     if (result_.p_gap >= gap_level) {
       result_.verdict = Verdict::no_gap;
       result_.sentence = fmt::format("The two stacks do not differ (p = {:.2g}).", result_.p_gap);

@@ -60,7 +60,8 @@ Eigen::VectorXd Correlation::squares(const Eigen::MatrixXd& columns) const {
          alone_;
 }
 
-OmnibusTest::OmnibusTest(const Eigen::MatrixXd& own) {
+OmnibusTest::OmnibusTest(const Eigen::MatrixXd& own, std::vector<bool> unsteady)
+    : unsteady_(std::move(unsteady)) {
   std::array<std::vector<double>, views> samples;
   std::vector<Views> seen;
   for (Eigen::Index n = 0; n < own.rows(); ++n) {
@@ -73,8 +74,12 @@ OmnibusTest::OmnibusTest(const Eigen::MatrixXd& own) {
   combined_.emplace_back(smallest_p);
 }
 
-OmnibusTest::Views OmnibusTest::look(const Eigen::VectorXd& z) {
-  return {z.size() ? std::log1p(z.cwiseAbs().maxCoeff()) : 0, std::log1p(gap_of(z))};
+OmnibusTest::Views OmnibusTest::look(const Eigen::VectorXd& z) const {
+  Eigen::VectorXd steady = z;
+  for (Eigen::Index i = 0; i < z.size(); ++i)
+    if (const auto at = static_cast<std::size_t>(i); at < unsteady_.size() && unsteady_[at]) steady(i) = 0;
+  const auto largest = [](const Eigen::VectorXd& of) { return of.size() ? of.cwiseAbs().maxCoeff() : 0; };
+  return {std::log1p(largest(z)), std::log1p(largest(steady)), std::log1p(gap_of(steady))};
 }
 
 double OmnibusTest::smallest(const Views& seen) const {

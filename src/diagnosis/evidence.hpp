@@ -50,21 +50,23 @@ class Correlation {
 /// Share of the plain model's own stacks in which a gap is seen: false alarms.
 inline constexpr double gap_level = 0.005;
 
-/// Does a stack differ from the model? Two views, each with its null from the model's own stacks: the largest
-/// |z| and the gap; one p-value.
+/// Does a stack differ from the model? Three views, each with its null from the model's own stacks: the
+/// largest |z|, and the largest and the gap of the steady statistics alone, of which less is by chance; one
+/// p-value.
 class OmnibusTest {
  public:
-  explicit OmnibusTest(const Standard& standard) : OmnibusTest(standard.own()) {}
-  /// `own`: residuals of stacks that do not differ, a row each.
-  explicit OmnibusTest(const Eigen::MatrixXd& own);
+  /// `own`: residuals of stacks that do not differ, a row each. `unsteady`: per statistic, as declared;
+  /// empty: none is.
+  OmnibusTest(const Eigen::MatrixXd& own, std::vector<bool> unsteady);
   double p_value(const Eigen::VectorXd& z) const;
 
  private:
-  static constexpr int views = 2;
+  static constexpr int views = 3;
   using Views = std::array<double, views>;
-  static Views look(const Eigen::VectorXd& z);
+  Views look(const Eigen::VectorXd& z) const;
   double smallest(const Views& seen) const;
 
+  std::vector<bool> unsteady_;
   std::vector<NullDistribution> nulls_;
   std::vector<NullDistribution> combined_;
 };

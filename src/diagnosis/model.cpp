@@ -170,7 +170,7 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   if (!plain)
     for (Eigen::Index n = 0; n < own.rows(); ++n)
       own.row(n) = model.standard->tolerated(own.row(n).transpose()).transpose();
-  model.test = std::make_unique<OmnibusTest>(own);
+  model.test = std::make_unique<OmnibusTest>(own, model.population.unsteady);
   model.z = model.standard->judge(statistics);
   const auto estimate = within_draws(model.standard->drawn_out(statistics, model.first_effect_parameter),
                                      model.open, model.first_effect_parameter);

@@ -74,6 +74,7 @@ BatteryValues simulate_and_measure(const Lab& lab, const StackPlan& plan, std::u
 
 void Population::append(const Population& more) {
   outliers = more.outliers;
+  unsteady = more.unsteady;
   const auto stack_rows = [](Eigen::MatrixXd& upper, const Eigen::MatrixXd& lower) {
     if (upper.rows() == 0) {
       upper = lower;
@@ -122,7 +123,10 @@ Population simulate_population(const Lab& lab, const std::vector<Uncertain>& ope
   population.draws = given ? *given : draw_parameters(open, stacks, plan.seed, first);
   const std::vector<StatisticDeclaration> declared = battery(plan.model, plan.dark_frames > 0);
   const auto statistics = std::ssize(declared);
-  for (const StatisticDeclaration& one : declared) population.outliers.push_back(one.outliers);
+  for (const StatisticDeclaration& one : declared) {
+    population.outliers.push_back(one.outliers);
+    population.unsteady.push_back(one.unsteady);
+  }
   population.whole.resize(stacks, statistics);
   population.part[0].resize(stacks, statistics);
   population.part[1].resize(stacks, statistics);

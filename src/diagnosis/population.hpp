@@ -51,10 +51,10 @@ inline Eigen::VectorXd as_vector(const std::vector<double>& values) {
 
 /// A row per stack.
 struct Population {
-  Eigen::MatrixXd draws;       // [stack, open parameter], coordinates
-  Eigen::MatrixXd whole;       // [stack, statistic]
-  Eigen::MatrixXd part[2];     // of the interleaved parts
-  std::vector<bool> outliers;  // per statistic: whether it is one of outliers; empty: none is
+  Eigen::MatrixXd draws;                 // [stack, open parameter], coordinates
+  Eigen::MatrixXd whole;                 // [stack, statistic]
+  Eigen::MatrixXd part[2];               // of the interleaved parts
+  std::vector<bool> outliers, unsteady;  // per statistic, as declared; empty: none is
   Eigen::Index stacks() const { return whole.rows(); }
   void append(const Population& more);
 };

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "diagnosis/deviations.hpp"
+#include "diagnosis/standard.hpp"
 #include "diagnosis/uncertain.hpp"
 
 namespace atomcam {
@@ -142,8 +143,8 @@ bool field_is_displaced(const std::vector<StatisticDeclaration>& battery, const 
 /// Clearly odd, and as odd as anything else or nearly so.
 template <class Counts>
 bool foremost(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
-              const Counts& counts) {
-  constexpr double clear = 8, beside = 0.9;
+              const Counts& counts, double clear = 8) {
+  constexpr double beside = 0.9;
   return largest(battery, z, counts) > std::max(clear, beside * z.cwiseAbs().maxCoeff());
 }
 
@@ -173,6 +174,11 @@ bool sites_remember(const std::vector<StatisticDeclaration>& battery, const Eige
 /// follows; nothing behind the atoms does this.
 bool is_loading(const StatisticDeclaration& one) {
   return has(one, ".sites.filling_by_site.");
+}
+
+/// The same, than before: the light's level and noise follow.
+bool is_loading_along_the_stack(const StatisticDeclaration& one) {
+  return has(one, ".sites.loading.");
 }
 
 /// Light far above and below the sites, in their columns: charge that is shifted while it is lit. The columns
@@ -233,7 +239,8 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_flashes(battery, z) ||
                light_ripples(battery, z)))
     return "optics";
-  if (foremost(battery, z, is_loading)) return "scene";
+  if (foremost(battery, z, is_loading) || foremost(battery, z, is_loading_along_the_stack, 4.5))
+    return "scene";
   if (foremost(battery, z, is_smear)) return "sensor";
   if (empty_sites_glow(battery, z)) return sites_remember(battery, z) ? "sensor" : "optics";  // traps' light
   if (images_change_shape(battery, z)) return "optics";
@@ -254,8 +261,37 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
       ->first;
 }
 
+namespace {
+
+/// How often statistics of a plain stack are so many deviations off: further tails than a normal law has, and
+/// further still of those that are unsteady.
+class Tails {
+ public:
+  Tails(const std::vector<StatisticDeclaration>& battery, const Eigen::MatrixXd& own)
+      : steady_(sizes(battery, own, false)), unsteady_(sizes(battery, own, true)) {}
+  double p_value(const StatisticDeclaration& statistic, double z) const {
+    const double normal = std::erfc(std::fabs(z) / std::sqrt(2.0));
+    return std::max(normal, (statistic.unsteady ? unsteady_ : steady_).p_value(std::fabs(z)));
+  }
+
+ private:
+  static std::vector<double> sizes(const std::vector<StatisticDeclaration>& battery,
+                                   const Eigen::MatrixXd& own, bool unsteady) {
+    std::vector<double> sizes;
+    for (std::size_t k = 0; k < battery.size(); ++k)
+      if (battery[k].unsteady == unsteady)
+        for (const double z : own.col(static_cast<Eigen::Index>(k))) sizes.push_back(std::fabs(z));
+    return sizes;
+  }
+
+  NullDistribution steady_, unsteady_;
+};
+
+}  // namespace
+
 std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaration>& battery,
-                                           const Eigen::VectorXd& z, const Eigen::VectorXd& z_after) {
+                                           const Eigen::VectorXd& z, const Eigen::VectorXd& z_after,
+                                           const Eigen::MatrixXd& own) {
   constexpr std::size_t listed = 40;
   constexpr double clearly = 0.01;
   const auto size = [&](std::size_t k) { return std::fabs(z(static_cast<Eigen::Index>(k))); };
@@ -263,13 +299,17 @@ std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaratio
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return size(a) > size(b); });
   // Benjamini and Hochberg over the battery.
+  const Tails tails(battery, own);
   const double count = static_cast<double>(order.size());
-  std::vector<double> q(order.size());
+  std::vector<double> p(order.size()), q(order.size());
+  for (std::size_t k = 0; k < p.size(); ++k)
+    p[k] = tails.p_value(battery[k], z(static_cast<Eigen::Index>(k)));
+  std::vector<std::size_t> likely = order;
+  std::sort(likely.begin(), likely.end(), [&](std::size_t a, std::size_t b) { return p[a] < p[b]; });
   double least = 1;
-  for (std::size_t rank = order.size(); rank-- > 0;) {
-    const double p = std::erfc(size(order[rank]) / std::sqrt(2.0));
-    least = std::min(least, p * count / static_cast<double>(rank + 1));
-    q[rank] = least;
+  for (std::size_t rank = likely.size(); rank-- > 0;) {
+    least = std::min(least, p[likely[rank]] * count / static_cast<double>(rank + 1));
+    q[likely[rank]] = least;
   }
   std::vector<Difference> list;
   std::set<std::string_view> seen;
@@ -278,7 +318,7 @@ std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaratio
     // Beyond the first some, the strongest of every other kind that is odd.
     const std::string_view name = statistic.name;
     const bool first = seen.insert(name.substr(0, name.rfind('.'))).second;
-    if (rank >= listed && !(first && q[rank] < clearly)) continue;
+    if (rank >= listed && !(first && q[order[rank]] < clearly)) continue;
     const auto at = static_cast<Eigen::Index>(order[rank]);
     Difference one;
     one.stage = stage_of_observable(statistic.observable, statistic.darks);
@@ -287,7 +327,7 @@ std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaratio
     one.axis = statistic.axis;
     one.place = statistic.place;
     one.z = z(at);
-    one.q = q[rank];
+    one.q = q[order[rank]];
     one.z_after = z_after(at);
     list.push_back(std::move(one));
   }

@@ -18,9 +18,11 @@ std::string stage_of_observable(std::string_view observable, bool darks);
 std::string stage_of_differences(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
                                  const std::vector<Hypothesis>& hypotheses);
 
-/// The strongest first, with the false discovery rate over the battery.
+/// The strongest first, with the false discovery rate over the battery. `own`: deviations of stacks that do
+/// not differ, a row each, whose tails count.
 std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaration>& battery,
-                                           const Eigen::VectorXd& z, const Eigen::VectorXd& z_after);
+                                           const Eigen::VectorXd& z, const Eigen::VectorXd& z_after,
+                                           const Eigen::MatrixXd& own);
 
 /// What is not explained: its stage, its character, the most telling differences.
 Unexplained unexplained_of(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,

@@ -463,6 +463,23 @@ std::vector<Case> cases() {
                                                   0.9 * static_cast<double>(s / 5));
                   }),
                   {"light.sites.by_site.few_waves"}});
+  list.push_back(
+      {"response of odd columns",
+       false,
+       false,
+       in_light([](std::size_t, const std::vector<double>&, const StackModel&, std::vector<double>& e) {
+         for (std::size_t i = 0; i < e.size(); ++i) e[i] *= i % 2 ? 1.03 : 0.97;
+       }),
+       {"light.point_spread.columns.response_period_2"}});
+  list.push_back(
+      {"response of rows",
+       true,
+       false,
+       in_light([](std::size_t, const std::vector<double>&, const StackModel&, std::vector<double>& e) {
+         for (std::size_t i = 0; i < e.size(); ++i)
+           e[i] *= (1 + 0.1 * noise_of(i / size)) * (i / size == 31 ? 0.5 : 1);
+       }),
+       {"light.point_spread.rows.response_variance", "light.point_spread.rows.response_largest"}});
   return list;
 }
 

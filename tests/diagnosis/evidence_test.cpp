@@ -47,5 +47,46 @@ TEST(Correlation, StatisticsThatMoveTogetherCountOnce) {
   EXPECT_LT(3 * squares(0), squares(1));
 }
 
+/// Of stacks in which one of some statistics is shifted: how many are seen at the level of a gap. A tenth of
+/// the statistics is far off in one stack of a hundred.
+double seen(double shift, Eigen::Index shifted, bool told) {
+  constexpr Eigen::Index stacks = 240, statistics = 400, unsteady = 40;
+  std::mt19937 random(11);
+  std::normal_distribution<double> normal;
+  const auto draw = [&] {
+    Eigen::VectorXd z(statistics);
+    for (double& v : z) v = normal(random);
+    for (Eigen::Index i = 0; i < unsteady; ++i)
+      if (random() % 100 == 0) z(i) *= 5;
+    return z;
+  };
+  Eigen::MatrixXd own(stacks, statistics);
+  for (Eigen::Index n = 0; n < stacks; ++n) own.row(n) = draw().transpose();
+  std::vector<bool> which(told ? statistics : 0);
+  std::fill_n(which.begin(), std::min<std::size_t>(unsteady, which.size()), true);
+  const OmnibusTest test(own, which);
+  constexpr int trials = 2000;
+  int count = 0;
+  for (int n = 0; n < trials; ++n) {
+    Eigen::VectorXd z = draw();
+    for (Eigen::Index i = 0; i < shifted; ++i) z(statistics - 1 - i) += shift;
+    count += test.p_value(z) < gap_level;
+  }
+  return static_cast<double>(count) / trials;
+}
+
+TEST(Omnibus, FalseAlarmsAreAsRareAsTold) {
+  // 10 of 2000; a null of 240 stacks knows its tail to a factor of two or so.
+  EXPECT_LT(seen(0, 0, true), 4 * gap_level);
+  EXPECT_LT(seen(0, 0, false), 4 * gap_level);
+}
+
+TEST(Omnibus, UnsteadyStatisticsDoNotHideTheOthers) {
+  EXPECT_GT(seen(5.5, 1, true), 0.65);
+  EXPECT_LT(seen(5.5, 1, false), 0.1);
+  EXPECT_GT(seen(4, 6, true), 0.8);
+  EXPECT_LT(seen(4, 6, false), 0.5);
+}
+
 }  // namespace
 }  // namespace atomcam

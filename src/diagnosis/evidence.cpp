@@ -63,15 +63,21 @@ Eigen::VectorXd Correlation::squares(const Eigen::MatrixXd& columns) const {
 OmnibusTest::OmnibusTest(const Eigen::MatrixXd& own, std::vector<bool> unsteady)
     : unsteady_(std::move(unsteady)) {
   std::array<std::vector<double>, views> samples;
-  std::vector<Views> seen;
   for (Eigen::Index n = 0; n < own.rows(); ++n) {
-    seen.push_back(look(own.row(n).transpose()));
-    for (std::size_t k = 0; k < views; ++k) samples[k].push_back(seen.back()[k]);
+    const Views seen = look(own.row(n).transpose());
+    for (std::size_t k = 0; k < views; ++k) samples[k].push_back(seen[k]);
   }
+  // Every stack is held against the others, as the real one is.
+  std::vector<double> smallest_p(samples.front().size(), 1);
+  for (const auto& view : samples)
+    for (std::size_t n = 0; n < view.size(); ++n) {
+      std::vector<double> others = view;
+      others.erase(others.begin() + static_cast<std::ptrdiff_t>(n));
+      smallest_p[n] = std::min(smallest_p[n], NullDistribution(std::move(others)).p_value(view[n]));
+    }
+  for (double& p : smallest_p) p = -std::log(p);
   for (auto& one : samples) nulls_.emplace_back(std::move(one));
-  std::vector<double> smallest_p;
-  for (const Views& one : seen) smallest_p.push_back(-std::log(smallest(one)));
-  combined_.emplace_back(smallest_p);
+  combined_.emplace_back(std::move(smallest_p));
 }
 
 OmnibusTest::Views OmnibusTest::look(const Eigen::VectorXd& z) const {

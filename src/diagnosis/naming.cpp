@@ -19,6 +19,7 @@ constexpr double least_closed = 0.85;          // of the gap, by one effect that
 constexpr double least_closed_else = 0.95;     // by one that they are odd under, or two
 constexpr double clear_difference = 5.5;       // deviations from a model that nobody's camera explains
 constexpr double as_it_was = 0.8;              // what is left of one from the plain model, in its parts
+constexpr double least_evidence = 4;           // log likelihood: a little scatter hides a small gap, too
 constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model alone, of one beside it
 
 }  // namespace
@@ -70,8 +71,12 @@ double Naming::closed_by(const Model& model) const {
   return atomcam::closed_by(model, plain_, battery_);
 }
 
+bool Naming::likelier(const Model& model) const {
+  return !model.explains.empty() || model.log_likelihood >= plain_.log_likelihood + least_evidence;
+}
+
 bool Naming::takes_nearly_all(const Model& model) const {
-  return closed_by(model) >= least_closed_if_rejected && !contradicted(model) &&
+  return closed_by(model) >= least_closed_if_rejected && likelier(model) && !contradicted(model) &&
          beyond_its_law(model).empty();
 }
 
@@ -89,6 +94,7 @@ std::string Naming::objection(const Model& model) const {
     return what_is_left(model, at) + ", as it was";
   if (const std::string beyond = beyond_its_law(model); !beyond.empty())
     return fmt::format("the frames want more of {} than it can be", beyond);
+  if (!likelier(model)) return "the frames are no likelier with it";
   // Stacks that scatter widely are never odd: an explanation also has to take the gap away. Two effects
   // bend to much that is not theirs.
   const bool odd_here = odd_under(model), alone = model.effects.size() == 1 && !odd_here;
@@ -105,7 +111,7 @@ std::string Naming::objection(const Model& model) const {
 /// The frames are not odd under it, but its own stacks scatter so widely that little of the gap shows in
 /// their units. It does not stand alone; a name that passes must be likelier.
 bool Naming::competes(const Model& model) const {
-  return model.p_value >= odd && !contradicted(model) && beyond_its_law(model).empty() &&
+  return model.p_value >= odd && likelier(model) && !contradicted(model) && beyond_its_law(model).empty() &&
          closed_in_own_units(model, plain_, battery_) > least_to_pass;
 }
 

@@ -63,6 +63,9 @@ class Naming {
   std::optional<Named> nearest(std::span<Model> models) const;
 
  private:
+  /// The frames are likelier with its effects than without; what explains only a part of the gap has its own
+  /// measure.
+  bool likelier(const Model& model) const;
   bool competes(const Model& model) const;
   std::vector<double> odds_among(const std::vector<Model*>& models) const;
   Named choose_among(std::vector<Model*> models) const;

@@ -271,15 +271,17 @@ NullDistribution::NullDistribution(std::vector<double> samples) : sorted_(std::m
   if (sorted_.size() < 10) return;
   const std::size_t from = sorted_.size() - std::max<std::size_t>(4, sorted_.size() / 10);
   knee_ = sorted_[from];
-  share_ = static_cast<double>(sorted_.size() - from) / static_cast<double>(sorted_.size());
+  count_ = static_cast<double>(sorted_.size() - from);
+  share_ = count_ / static_cast<double>(sorted_.size());
   double excess = 0;
   for (std::size_t k = from; k < sorted_.size(); ++k) excess += sorted_[k] - knee_;
-  scale_ = std::max(1e-9, excess / static_cast<double>(sorted_.size() - from));
+  excess_ = std::max(1e-9 * count_, excess);
 }
 
 double NullDistribution::p_value(double value) const {
   if (sorted_.empty()) return 1;
-  if (value > knee_) return std::max(1e-300, share_ * std::exp(-(value - knee_) / scale_));
+  if (value > knee_)
+    return std::max(1e-300, share_ * std::exp(-count_ * std::log1p((value - knee_) / excess_)));
   const auto above = sorted_.end() - std::lower_bound(sorted_.begin(), sorted_.end(), value);
   return std::min(1.0, (static_cast<double>(above) + 0.5) / (static_cast<double>(sorted_.size()) + 1));
 }

@@ -99,7 +99,7 @@ class Standard {
 };
 
 /// Upper tail of a null distribution that is known by samples: their ranks, and beyond the highest tenth an
-/// exponential of the excess.
+/// exponential of the excess, its scale being as uncertain as so many samples leave it (the predictive law).
 class NullDistribution {
  public:
   explicit NullDistribution(std::vector<double> samples);
@@ -107,7 +107,7 @@ class NullDistribution {
 
  private:
   std::vector<double> sorted_;
-  double knee_ = 0, scale_ = 1, share_ = 0.1;
+  double knee_ = 0, excess_ = 1, count_ = 1, share_ = 0.1;  // of the samples beyond the knee: sum, number
 };
 
 }  // namespace atomcam

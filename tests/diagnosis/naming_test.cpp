@@ -71,6 +71,18 @@ TEST_F(Naming, OfASmallGapAPartMayBeChance) {
   EXPECT_EQ(chance_of(found, model({}, 1, 0)), 1);
 }
 
+TEST_F(Naming, WhatMakesTheFramesNoLikelierExplainsNothing) {
+  Model found = model({"row_noise"}, 1, 0.5);
+  found.log_likelihood = 3;  // the plain model's is 0
+  EXPECT_EQ(naming().objection(found), "the frames are no likelier with it");
+  found.p_value = 0.0001;  // nor as the nearest
+  EXPECT_FALSE(naming().nearest({&found, 1}));
+  found.log_likelihood = 10;
+  EXPECT_TRUE(naming().nearest({&found, 1}));
+  found.p_value = 0.5;
+  EXPECT_TRUE(naming().passes(found));
+}
+
 TEST_F(Naming, HowMuchLikelierAnEffectMustBeIsPartOfWhatThePlainModelMisses) {
   Model plain = model({}, 0, 0), found = model({"row_noise"}, 1, 0.5);
   plain.usual_log_likelihood = 100;  // 100 more than the frames have under it

@@ -271,8 +271,8 @@ NullDistribution::NullDistribution(std::vector<double> samples) : sorted_(std::m
   if (sorted_.size() < 10) return;
   const std::size_t from = sorted_.size() - std::max<std::size_t>(4, sorted_.size() / 10);
   knee_ = sorted_[from];
-  count_ = static_cast<double>(sorted_.size() - from);
-  share_ = count_ / static_cast<double>(sorted_.size());
+  count_ = static_cast<double>(sorted_.size() - from - 1);  // the knee is one of the samples itself
+  share_ = (count_ + 1) / static_cast<double>(sorted_.size() + 1);
   double excess = 0;
   for (std::size_t k = from; k < sorted_.size(); ++k) excess += sorted_[k] - knee_;
   excess_ = std::max(1e-9 * count_, excess);

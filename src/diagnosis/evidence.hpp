@@ -47,8 +47,9 @@ class Correlation {
   double log_determinant_ = 0;
 };
 
-/// Share of the plain model's own stacks in which a gap is seen: false alarms.
-inline constexpr double gap_level = 0.005;
+/// p-value below which there is a gap. Of stacks without one, one in 200 may be called so; a null of some
+/// hundred stacks does not know its own tail to better than this margin.
+inline constexpr double gap_level = 0.003;
 
 /// Does a stack differ from the model? Three views, each with its null from the model's own stacks: the
 /// largest |z|, and the largest and the gap of the steady statistics alone, of which less is by chance; one

@@ -49,7 +49,7 @@ class Correlation {
 
 /// p-value below which there is a gap. Of stacks without one, one in 200 may be called so; a null of some
 /// hundred stacks does not know its own tail to better than this margin.
-inline constexpr double gap_level = 0.003;
+inline constexpr double gap_level = 0.004;
 
 /// Does a stack differ from the model? Three views, each with its null from the model's own stacks: the
 /// largest |z|, and the largest and the gap of the steady statistics alone, of which less is by chance; one

@@ -41,19 +41,36 @@ Uncertain shift(std::string name, double width, std::function<void(Lab&, double 
                 return std::clamp(figure(one) - figure(other), -most, most);
               }};
 }
-double logit(double p) {
-  p = std::clamp(p, 1e-5, 1 - 1e-5);
-  return std::log(p / (1 - p));
+
+/// A part of a whole, in the coordinate in which counting leaves about the same error everywhere, its ends
+/// included: the angle whose sine's square it is. There is nothing beyond the ends.
+double angle_of(double part) {
+  return std::asin(std::sqrt(std::clamp(part, 0.0, 1.0)));
 }
-double logistic(double x) {
-  return 1 / (1 + std::exp(-x));
+Uncertain proportion(std::string name, double error, double calibrated, double SceneDescription::*part,
+                     Figure figure) {
+  constexpr double most_width = 0.12;
+  const double at = angle_of(calibrated), quarter = 0.5 * math::pi;
+  const double width =
+      std::min(most_width, error / std::sin(2 * std::clamp(at, most_width, quarter - most_width)));
+  Uncertain one = shift(
+      std::move(name), width,
+      [part, quarter](Lab& l, double by) {
+        double& value = l.scene.*part;
+        const double sine = std::sin(std::clamp(angle_of(value) + by, 0.0, quarter));
+        value = sine * sine;
+      },
+      [figure](const Calibration& c) { return angle_of(figure(c)); });
+  one.least = -at;
+  one.most = quarter - at;
+  return one;
 }
 
 }  // namespace
 
 void Uncertain::move_to(double coordinate) {
   constexpr double bounds = 5;  // widths
-  centre = std::clamp(coordinate, -farthest, farthest);
+  centre = std::clamp(std::clamp(coordinate, -farthest, farthest), least, most);
   lowest = centre - bounds * width;
   highest = centre + bounds * width;
 }
@@ -132,17 +149,12 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
       "atom_light", 0.01, [](Lab& l, double factor) { l.scene.scattering_rate_hz *= factor; },
       [](const Calibration& c) { return c.model.atom_e; }));
   const AtomFit& atoms = calibration.atoms;
-  const double fill =
-      std::max(0.01, 1.5 * atoms.filling_error) / std::max(0.02, atoms.filling * (1 - atoms.filling));
-  open.push_back(shift(
-      "filling", fill, [](Lab& l, double by) { l.scene.filling = logistic(logit(l.scene.filling) + by); },
-      [](const Calibration& c) { return logit(c.lab.scene.filling); }));
-  const double loss =
-      std::max(2 * atoms.survival_error, 0.002) / std::max(0.003, atoms.survival * (1 - atoms.survival));
-  open.push_back(shift(
-      "survival", std::min(loss, 0.5),
-      [](Lab& l, double by) { l.scene.survival = logistic(logit(l.scene.survival) + by); },
-      [](const Calibration& c) { return logit(c.lab.scene.survival); }));
+  open.push_back(proportion("filling", std::max(0.01, 1.5 * atoms.filling_error), atoms.filling,
+                            &SceneDescription::filling,
+                            [](const Calibration& c) { return c.lab.scene.filling; }));
+  open.push_back(proportion("survival", std::max(0.002, 2 * atoms.survival_error), atoms.survival,
+                            &SceneDescription::survival,
+                            [](const Calibration& c) { return c.lab.scene.survival; }));
   for (const bool y : {false, true})
     open.push_back(shift(
         y ? "origin_y" : "origin_x", std::max(0.005, 2 * calibration.optics.position_error_px),

@@ -57,6 +57,41 @@ TEST(Uncertain, ARegistersStagesAreOpenWhereItMultipliesLight) {
   EXPECT_EQ(applied(1.5), 268);
 }
 
+// Where nearly all atoms stay, as where half of them do: nothing leads out of what a survival can be, and the
+// draws reach as far as counting leaves it open.
+TEST(Uncertain, ASurvivalStaysAPartAndIsDrawnAsFarAsItsError) {
+  Calibration calibration;
+  calibration.lab = preset("orca-quest");
+  calibration.has_sites = true;
+  calibration.optics.lattice = {.columns = 5, .rows = 5, .a_x = 12, .b_y = 12};
+  calibration.optics.covariance = Eigen::MatrixXd::Zero(3 + zernike_terms, 3 + zernike_terms);
+  for (const double calibrated : {0.5, 0.9, 0.997}) {
+    SCOPED_TRACE(calibrated);
+    calibration.lab.scene.survival = calibration.atoms.survival = calibrated;
+    calibration.atoms.survival_error = 0.02;
+    auto open = calibration_uncertainty(calibration);
+    Uncertain& survival =
+        *std::find_if(open.begin(), open.end(), [](const Uncertain& one) { return one.name == "survival"; });
+    const auto applied = [&](double coordinate) {
+      Lab lab = calibration.lab;
+      survival.apply(lab, coordinate);
+      return lab.scene.survival;
+    };
+    EXPECT_NEAR(applied(0), calibrated, 1e-9);
+    EXPECT_GT(applied(0) - applied(-survival.width), 0.015);  // of twice the error
+    EXPECT_LT(applied(0) - applied(-survival.width), 0.06);
+    EXPECT_LE(applied(100), 1);
+    for (int round = 0; round < 20; ++round) survival.move_to(survival.centre + 0.5);
+    EXPECT_NEAR(applied(survival.centre), 1, 1e-9);
+    survival.move_to(survival.centre - 0.3);  // and one step leads back
+    EXPECT_LT(applied(survival.centre), 0.95);
+    // By how much one calibration says more than another is as bounded.
+    Calibration all = calibration;
+    all.lab.scene.survival = 1;
+    EXPECT_NEAR(applied(survival.offset(all, calibration)), 1, 1e-9);
+  }
+}
+
 // One ray in a stack is as well known as ten in a frame: what is rare differs by orders of magnitude.
 TEST(Uncertain, RatesAreLookedForOverAllThatIsAllowed) {
   const Uncertain rate = effect_prior(*find_effect("cosmic_rays"), 96, 300).front();

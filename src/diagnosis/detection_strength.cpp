@@ -43,6 +43,16 @@ DetectionGround::DetectionGround(const Lab& lab, const Notes& notes, std::size_t
   plain_ = plain_model(real, null_stacks, plan_);
   own_offset_ = mean_offset(lab_);
   own_middle_ = plain_middle(Eigen::VectorXd::Zero(own_offset_.size()));
+  std::vector<double> p_values;
+  none_ = residuals(simulate_population(lab_, {}, stacks, plan_, numbers_of("detection/none")),
+                    Eigen::VectorXd::Zero(own_middle_.size()), p_values);
+  const Eigen::MatrixXd& own = plain_.standard->own();
+  for (int fold = 0; fold < Standard::folds; ++fold) {
+    std::vector<Eigen::Index> in;
+    for (Eigen::Index n = 0; n < own.rows(); ++n)
+      if (n % Standard::folds != fold) in.push_back(n);
+    folds_.emplace_back(own(in, Eigen::all));
+  }
 }
 
 Eigen::VectorXd DetectionGround::mean_offset(const Lab& lab) const {
@@ -94,20 +104,50 @@ DetectionGround::Seen DetectionGround::look(const EffectDeclaration& effect, Par
   lab.effects[effect.name] = values;
   const Population population = simulate_population(
       lab, {}, stacks, plan_, numbers_of(fmt::format("detection/{}/{}", effect.name, strength)));
-  // What calibrating them absorbs: the plain model that they are compared with follows it.
-  const Eigen::VectorXd followed = plain_middle(mean_offset(lab) - own_offset_) - own_middle_;
+  // What calibrating them absorbs: the plain model that they are compared with follows it. Means of a few
+  // stacks each: of what may be chance is taken off, hundreds of statistics would add up to a distance.
+  const double chance = 2 * std::sqrt(2.0 / stacks);
+  const Eigen::VectorXd followed =
+      (plain_middle(mean_offset(lab) - own_offset_) - own_middle_)
+          .binaryExpr(plain_.standard->deviation(), [chance](double by, double deviation) {
+            const double part = chance * deviation / std::max(1e-300, std::fabs(by));
+            return part < 1 ? by * (1 - part * part) : 0;
+          });
   std::vector<double> p_values;
-  Eigen::VectorXd half[2];
+  Halves seen = residuals(population, followed, p_values);
+  for (std::size_t half = 0; half < 2; ++half) seen[half] -= none_[half];
+  return {std::log(std::max(1e-300, quantile(p_values, 0.9))), squared_distance(seen)};
+}
+
+DetectionGround::Halves DetectionGround::residuals(const Population& population,
+                                                   const Eigen::VectorXd& followed,
+                                                   std::vector<double>& p_values) const {
+  const Eigen::Index number = population.stacks();
+  Halves half;
   for (auto& sum : half) sum.setZero(population.whole.cols());
-  for (Eigen::Index n = 0; n < population.stacks(); ++n) {
+  for (Eigen::Index n = 0; n < number; ++n) {
     const Eigen::VectorXd z = plain_.standard->tolerated(
         plain_.standard->judge_recalibrated(population.whole.row(n).transpose() - followed));
     p_values.push_back(plain_.test->p_value(z));
-    half[n % 2] += compressed(z) / (stacks / 2);
+    half[static_cast<std::size_t>(n % 2)] += compressed(z) / (static_cast<double>(number) / 2);
   }
-  // Two halves of the stacks: their scatter is not taken for signal.
-  return {std::log(std::max(1e-300, quantile(p_values, 0.9))),
-          half[0].dot(plain_.correlation->weighed(half[1]).col(0))};
+  return half;
+}
+
+/// Correlations of hundreds of statistics are known from fewer stacks: how far stacks that they were not
+/// learned from scatter along the effect's way is what it has to stand out of.
+double DetectionGround::squared_distance(const Halves& from_none) const {
+  const Eigen::VectorXd way = 0.5 * (from_none[0] + from_none[1]);
+  const Eigen::MatrixXd own = compressed_rows(tolerated_own(plain_));
+  double scatter = 0;
+  for (int fold = 0; fold < Standard::folds; ++fold) {
+    const Eigen::VectorXd filter = folds_[static_cast<std::size_t>(fold)].weighed(way).col(0);
+    const double norm = way.dot(filter);
+    for (Eigen::Index n = fold; n < own.rows(); n += Standard::folds)
+      scatter += std::pow(own.row(n).dot(filter), 2) / norm;
+  }
+  return from_none[0].dot(plain_.correlation->weighed(from_none[1]).col(0)) /
+         (scatter / static_cast<double>(own.rows()));
 }
 
 DetectionStrength DetectionGround::of(const EffectDeclaration& effect, ParameterValues values) const {

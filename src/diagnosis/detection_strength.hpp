@@ -1,6 +1,9 @@
 #pragma once
 // How strong an effect has to be to be seen: the unit in which diagnoses of different effects compare.
 
+#include <array>
+#include <vector>
+
 #include "calibration/notes.hpp"
 #include "diagnosis/model.hpp"
 
@@ -27,9 +30,16 @@ class DetectionGround {
 
  private:
   struct Seen {
-    double log_p = 0;     // ninth decile of the p-values, logarithm
-    double distance = 0;  // squared, from the plain model, in standard deviations along the effect's own way
+    double log_p = 0;  // ninth decile of the p-values, logarithm
+    /// From stacks without it, squared, in standard deviations along the effect's own way.
+    double distance = 0;
   };
+  /// Compressed residuals, means over either half of some stacks: their scatter is not taken for signal.
+  using Halves = std::array<Eigen::VectorXd, 2>;
+  /// `followed`: what the plain model's statistics do as calibrating absorbs a part of the effect.
+  Halves residuals(const Population& population, const Eigen::VectorXd& followed,
+                   std::vector<double>& p_values) const;
+  double squared_distance(const Halves& from_none) const;
   Seen look(const EffectDeclaration& effect, ParameterValues values, double strength) const;
   /// By how much some stacks' calibrations say more than the one that the plain model is about, on average.
   Eigen::VectorXd mean_offset(const Lab& lab) const;
@@ -42,6 +52,8 @@ class DetectionGround {
   Calibration calibration_;
   Model plain_;
   Eigen::VectorXd own_offset_, own_middle_;  // of stacks without an effect
+  Halves none_;
+  std::vector<Correlation> folds_;  // of the plain model's stacks without those of a fold each
 };
 
 }  // namespace atomcam

@@ -77,7 +77,7 @@ OmnibusTest::OmnibusTest(const Eigen::MatrixXd& own, std::vector<bool> unsteady)
     }
   for (double& p : smallest_p) p = -std::log(p);
   for (auto& one : samples) nulls_.emplace_back(std::move(one));
-  combined_.emplace_back(std::move(smallest_p));
+  combined_.emplace(std::move(smallest_p));
 }
 
 OmnibusTest::Views OmnibusTest::look(const Eigen::VectorXd& z) const {
@@ -95,7 +95,7 @@ double OmnibusTest::smallest(const Views& seen) const {
 }
 
 double OmnibusTest::p_value(const Eigen::VectorXd& z) const {
-  return combined_.front().p_value(-std::log(smallest(look(z))));
+  return combined_->p_value(-std::log(smallest(look(z))));
 }
 
 }  // namespace atomcam

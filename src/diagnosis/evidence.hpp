@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <array>
+#include <optional>
 #include <vector>
 
 #include "diagnosis/standard.hpp"
@@ -69,7 +70,7 @@ class OmnibusTest {
 
   std::vector<bool> unsteady_;
   std::vector<NullDistribution> nulls_;
-  std::vector<NullDistribution> combined_;
+  std::optional<NullDistribution> combined_;
 };
 
 }  // namespace atomcam

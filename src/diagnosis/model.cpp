@@ -153,6 +153,13 @@ void leave_undrawn(Model& model, const Model& plain) {
   model.undrawn = square.sqrt();
 }
 
+Eigen::MatrixXd tolerated_own(const Model& model) {
+  Eigen::MatrixXd own = model.standard->own();
+  for (Eigen::Index n = 0; n < own.rows(); ++n)
+    own.row(n) = model.standard->tolerated(own.row(n).transpose()).transpose();
+  return own;
+}
+
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,
            const Model* plain, const std::function<void(int)>& progress) {
   model.population = simulate_population(model.lab, model.open, stacks, plan, first, nullptr, progress);
@@ -166,10 +173,7 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
                                               model.with_undrawn(std::move(discrepancy)),
                                               plain ? effects_reach : plain_reach);
   // The plain model's own stacks are granted the same, or frames of its kind would look better than they are.
-  Eigen::MatrixXd own = model.standard->own();
-  if (!plain)
-    for (Eigen::Index n = 0; n < own.rows(); ++n)
-      own.row(n) = model.standard->tolerated(own.row(n).transpose()).transpose();
+  const Eigen::MatrixXd own = plain ? model.standard->own() : tolerated_own(model);
   model.test = std::make_unique<OmnibusTest>(own, model.population.unsteady);
   model.z = model.standard->judge(statistics);
   const auto estimate = within_draws(model.standard->drawn_out(statistics, model.first_effect_parameter),

@@ -77,6 +77,9 @@ Eigen::VectorXd own_log_likelihoods(const Model& model);
 /// uncertain follows from the plain model's slopes.
 void leave_undrawn(Model& model, const Model& plain);
 
+/// Residuals of the model's own stacks with its discrepancy granted, a row each.
+Eigen::MatrixXd tolerated_own(const Model& model);
+
 /// Simulates `stacks` of the model and judges the real one by them. `plain`: the judged plain model, for the
 /// discrepancy that a model with effects is allowed; none of it without.
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,

@@ -59,6 +59,8 @@ TEST(DetectionStrength, SaysWhenNoStrengthIsEnough) {
   const DetectionStrength found = ground.of(faint, {faint.parameters.front().default_value});
   EXPECT_FALSE(found.reached);
   EXPECT_DOUBLE_EQ(found.strength, faint.parameters.front().maximum);
+  // What stacks with and without it differ by is chance, and not taken for a distance.
+  EXPECT_DOUBLE_EQ(found.matched_filter, 0);
 }
 
 }  // namespace

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
+#include <vector>
 
 #include "diagnosis/contenders.hpp"
 #include "diagnosis/gap_closed.hpp"
@@ -77,11 +79,31 @@ bool Naming::likelier(const Model& model) const {
 
 bool Naming::takes_nearly_all(const Model& model) const {
   return closed_by(model) >= least_closed_if_rejected && likelier(model) && !contradicted(model) &&
-         beyond_its_law(model).empty();
+         beyond_its_law(model).empty() && odd_where_most_was(model).empty();
 }
 
 std::string Naming::what_is_left(const Model& model, Eigen::Index at) const {
   return fmt::format("leaves {} at {:+.1f} sigma", battery_[static_cast<std::size_t>(at)].name, model.z(at));
+}
+
+/// An effect that comes near and has another law than the frames (a telegraph for a decay) leaves some of
+/// what it takes away: where the frames are a little odd under the model, there they must not be.
+std::string Naming::odd_where_most_was(const Model& model) const {
+  if (!odd_under(model) || !model.explains.empty()) return "";
+  std::map<std::string, double> gaps;
+  for (const StatisticDeclaration& one : battery_)
+    if (!gaps.contains(one.observable))
+      gaps[one.observable] = gap_of(plain_.z.cwiseProduct(only_of({one.observable}, battery_)));
+  const auto most = std::max_element(gaps.begin(), gaps.end(),
+                                     [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (most == gaps.end()) return "";
+  const Eigen::VectorXd mask = only_of({most->first}, battery_);
+  const auto left = [&](const Eigen::VectorXd& z) { return std::log1p(gap_of(z.cwiseProduct(mask))); };
+  std::vector<double> own;
+  for (const auto& stack : model.standard->own().rowwise()) own.push_back(left(stack.transpose()));
+  return NullDistribution(std::move(own)).p_value(left(model.standard->tolerated(model.z))) < reject_level
+             ? most->first
+             : "";
 }
 
 std::string Naming::objection(const Model& model) const {
@@ -95,6 +117,8 @@ std::string Naming::objection(const Model& model) const {
   if (const std::string beyond = beyond_its_law(model); !beyond.empty())
     return fmt::format("the frames want more of {} than it can be", beyond);
   if (!likelier(model)) return "the frames are no likelier with it";
+  if (const std::string where = odd_where_most_was(model); !where.empty())
+    return fmt::format("is not what {} shows", where);
   // Stacks that scatter widely are never odd: an explanation also has to take the gap away. Two effects
   // bend to much that is not theirs.
   const bool odd_here = odd_under(model), alone = model.effects.size() == 1 && !odd_here;

@@ -70,6 +70,8 @@ class Naming {
   std::vector<double> odds_among(const std::vector<Model*>& models) const;
   Named choose_among(std::vector<Model*> models) const;
   bool takes_nearly_all(const Model& model) const;
+  /// The observable in which the plain model misses most, if the frames are odd under the model in it, too.
+  std::string odd_where_most_was(const Model& model) const;
   double closed_by(const Model& model) const;
   std::string what_is_left(const Model& model, Eigen::Index at) const;
   /// Where the largest difference is that is clear and as it was; none: -1.

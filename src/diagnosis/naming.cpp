@@ -24,6 +24,17 @@ constexpr double as_it_was = 0.8;              // what is left of one from the p
 constexpr double least_evidence = 4;           // log likelihood: a little scatter hides a small gap, too
 constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model alone, of one beside it
 
+/// The observable in which a model has its largest gap.
+std::string most_missed(const Model& model, const std::vector<StatisticDeclaration>& battery) {
+  std::map<std::string, double> gaps;
+  for (const StatisticDeclaration& one : battery)
+    if (!gaps.contains(one.observable))
+      gaps[one.observable] = gap_of(model.z.cwiseProduct(only_of({one.observable}, battery)));
+  return std::max_element(gaps.begin(), gaps.end(),
+                          [](const auto& a, const auto& b) { return a.second < b.second; })
+      ->first;
+}
+
 }  // namespace
 
 bool odd_under(const Model& model) {
@@ -90,19 +101,13 @@ std::string Naming::what_is_left(const Model& model, Eigen::Index at) const {
 /// what it takes away: where the frames are a little odd under the model, there they must not be.
 std::string Naming::odd_where_most_was(const Model& model) const {
   if (!odd_under(model) || !model.explains.empty()) return "";
-  std::map<std::string, double> gaps;
-  for (const StatisticDeclaration& one : battery_)
-    if (!gaps.contains(one.observable))
-      gaps[one.observable] = gap_of(plain_.z.cwiseProduct(only_of({one.observable}, battery_)));
-  const auto most = std::max_element(gaps.begin(), gaps.end(),
-                                     [](const auto& a, const auto& b) { return a.second < b.second; });
-  if (most == gaps.end()) return "";
-  const Eigen::VectorXd mask = only_of({most->first}, battery_);
+  const std::string most = most_missed(plain_, battery_);
+  const Eigen::VectorXd mask = only_of({most}, battery_);
   const auto left = [&](const Eigen::VectorXd& z) { return std::log1p(gap_of(z.cwiseProduct(mask))); };
   std::vector<double> own;
   for (const auto& stack : model.standard->own().rowwise()) own.push_back(left(stack.transpose()));
   return NullDistribution(std::move(own)).p_value(left(model.standard->tolerated(model.z))) < reject_level
-             ? most->first
+             ? most
              : "";
 }
 

@@ -46,6 +46,7 @@ DetectionGround::DetectionGround(const Lab& lab, const Notes& notes, std::size_t
   std::vector<double> p_values;
   none_ = residuals(simulate_population(lab_, {}, stacks, plan_, numbers_of("detection/none")),
                     Eigen::VectorXd::Zero(own_middle_.size()), p_values);
+  own_ = compressed_rows(tolerated_own(plain_));
   const Eigen::MatrixXd& own = plain_.standard->own();
   for (int fold = 0; fold < Standard::folds; ++fold) {
     std::vector<Eigen::Index> in;
@@ -138,16 +139,15 @@ DetectionGround::Halves DetectionGround::residuals(const Population& population,
 /// learned from scatter along the effect's way is what it has to stand out of.
 double DetectionGround::squared_distance(const Halves& from_none) const {
   const Eigen::VectorXd way = 0.5 * (from_none[0] + from_none[1]);
-  const Eigen::MatrixXd own = compressed_rows(tolerated_own(plain_));
   double scatter = 0;
   for (int fold = 0; fold < Standard::folds; ++fold) {
     const Eigen::VectorXd filter = folds_[static_cast<std::size_t>(fold)].weighed(way).col(0);
     const double norm = way.dot(filter);
-    for (Eigen::Index n = fold; n < own.rows(); n += Standard::folds)
-      scatter += std::pow(own.row(n).dot(filter), 2) / norm;
+    for (Eigen::Index n = fold; n < own_.rows(); n += Standard::folds)
+      scatter += std::pow(own_.row(n).dot(filter), 2) / norm;
   }
   return from_none[0].dot(plain_.correlation->weighed(from_none[1]).col(0)) /
-         (scatter / static_cast<double>(own.rows()));
+         (scatter / static_cast<double>(own_.rows()));
 }
 
 DetectionStrength DetectionGround::of(const EffectDeclaration& effect, ParameterValues values) const {

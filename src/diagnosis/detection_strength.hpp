@@ -53,6 +53,7 @@ class DetectionGround {
   Model plain_;
   Eigen::VectorXd own_offset_, own_middle_;  // of stacks without an effect
   Halves none_;
+  Eigen::MatrixXd own_;             // compressed residuals of the plain model's stacks, a row each
   std::vector<Correlation> folds_;  // of the plain model's stacks without those of a fold each
 };
 

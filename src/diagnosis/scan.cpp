@@ -1,9 +1,12 @@
 #include "diagnosis/scan.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
 #include "base/random.hpp"
+#include "effects/patterns.hpp"
 #include "simulation/parallel.hpp"
 
 namespace atomcam {
@@ -161,22 +164,36 @@ void match_view(ScanView& view, const Scan& scan, const Correlation& correlation
     const Eigen::VectorXd evidence = evidence_at(places);
     for (Eigen::Index n = 0; n < places.cols(); ++n) tried.push_back({evidence(n), places.col(n)});
   };
-  const auto likeliest = [&] {
-    return std::max_element(tried.begin(), tried.end(),
+  const auto likeliest_from = [&](std::size_t first) {
+    return std::max_element(tried.begin() + static_cast<std::ptrdiff_t>(first), tried.end(),
                             [](const Tried& a, const Tried& b) { return a.evidence < b.evidence; });
   };
   RandomStream random(1, stream_id("diagnosis/match"), 0, 0);
   const auto uniform = [&] { return (static_cast<double>(random()) + 0.5) * 0x1p-32; };
-  attempt(scan.draws.transpose());
-  attempt(anywhere(scan.open, 400, uniform));
-  for (const double step : {0.15, 0.06, 0.025}) {
-    const Eigen::VectorXd centre = likeliest()->at;
-    Eigen::MatrixXd places(centre.size(), 120);
-    for (Eigen::Index n = 0; n < places.cols(); ++n)
-      places.col(n) = moved_by(scan.open, centre, step, uniform);
-    attempt(places);
-  }
-  const auto top = likeliest();
+  // Over the whole prior, then nearer and nearer about the likeliest; `hold`: what stays as it is on the way.
+  const auto search = [&](const auto& hold) {
+    const std::size_t first = tried.size();
+    attempt(hold(scan.draws.transpose()));
+    attempt(hold(anywhere(scan.open, 400, uniform)));
+    for (const double step : {0.15, 0.06, 0.025}) {
+      const Eigen::VectorXd centre = likeliest_from(first)->at;
+      Eigen::MatrixXd places(centre.size(), 120);
+      for (Eigen::Index n = 0; n < places.cols(); ++n)
+        places.col(n) = moved_by(scan.open, centre, step, uniform);
+      attempt(hold(std::move(places)));
+    }
+    return likeliest_from(first)->at;
+  };
+  search([](Eigen::MatrixXd places) { return places; });
+  // Many defects of sizes that spread widely look like few large ones of a size.
+  for (Eigen::Index k = 1; k < std::ssize(scan.open); ++k)
+    if (const Uncertain& one = scan.open[static_cast<std::size_t>(k)];
+        one.name.ends_with(fmt::format(".{}", spread_of_sizes_key)))
+      view.usual_sizes = search([&](Eigen::MatrixXd places) {
+        places.row(k).setConstant(one.usual);
+        return places;
+      });
+  const auto top = likeliest_from(0);
   view.usual = [&] {
     constexpr Eigen::Index strengths = 60;
     Eigen::MatrixXd places = top->at.replicate(1, strengths);

@@ -27,6 +27,7 @@ struct ScanView {
   Eigen::VectorXd miss;         // squared distance of each stack from the real one
   Eigen::VectorXd best, width;  // coordinates
   Eigen::VectorXd usual;        // the likeliest strength of the effect in its usual form
+  Eigen::VectorXd usual_sizes;  // the likeliest place where sizes spread as usual; empty: none do
   Eigen::VectorXd predicted;    // compressed z at the best parameters
   double log_likelihood = 0;    // relative to that of the model before: the evidence for the effect
   double share = 0;             // of the misfit of the model before that it takes away

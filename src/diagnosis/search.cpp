@@ -118,6 +118,7 @@ std::vector<Contender> Search::starts() {
     if (k >= 2 || view.share < clear_share) continue;
     // And the effect in its usual form: far from it a valley may lead away.
     start_at(view.usual, ", usual");
+    if (view.usual_sizes.size()) start_at(view.usual_sizes, ", usual sizes");
   }
   return contenders;
 }

@@ -10,6 +10,7 @@
 #include <mutex>
 #include <span>
 #include <string>
+#include <string_view>
 #include <tuple>
 #include <vector>
 
@@ -160,9 +161,11 @@ inline double relative_size(RandomStream& random, double spread) {
   return sample_gamma(random, shape) / shape;
 }
 
+inline constexpr std::string_view spread_of_sizes_key = "spread";
+
 /// The parameter that relative_size() takes. `of`: what is spread.
 inline ParameterDeclaration spread_of_sizes(std::string_view of, double default_value) {
-  return {.key = "spread",
+  return {.key = std::string(spread_of_sizes_key),
           .unit = "1",
           .minimum = 0,
           .maximum = 2,

@@ -95,5 +95,38 @@ TEST(Scan, FindsNothingWhereThereIsNothing) {
   for (int k = 0; k < 20; ++k) EXPECT_LT(made.matched(made.stack(0, nothing, nothing)).log_likelihood, 8);
 }
 
+// Sizes that spread make up for a strength: the place of usual sizes is kept beside the likeliest.
+TEST(Scan, KeepsThePlaceWhereSizesSpreadAsUsual) {
+  constexpr int stacks = 40;
+  Scan scan;
+  scan.open = {strength(), strength()};
+  scan.open[1].name = "effects.made_up.spread";
+  scan.open[1].usual = 0.2;
+  std::mt19937 random{3};
+  std::normal_distribution<double> normal;
+  const auto stack = [&](double s, double spread) {
+    Eigen::VectorXd y(statistics);
+    for (Eigen::Index i = 0; i < statistics; ++i)
+      y(i) = (i < few ? 12 * s * (1 + spread * spread) : 0) + normal(random);
+    return y;
+  };
+  scan.draws.resize(stacks, 2);
+  for (ScanView& view : scan.view) view.values.resize(stacks, statistics);
+  std::uniform_real_distribution<double> uniform;
+  for (Eigen::Index n = 0; n < stacks; ++n) {
+    scan.draws.row(n) << uniform(random), uniform(random);
+    for (ScanView& view : scan.view)
+      view.values.row(n) = stack(scan.draws(n, 0), scan.draws(n, 1)).transpose();
+  }
+  const Eigen::VectorXd real = stack(0.6, 0.2);
+  match({&scan, 1}, Correlation(Eigen::MatrixXd::Zero(1, statistics)), {real, real}, 1);
+  for (const ScanView& view : scan.view) {
+    ASSERT_EQ(view.usual_sizes.size(), 2);
+    EXPECT_EQ(view.usual_sizes(1), 0.2);
+    EXPECT_NEAR(view.usual_sizes(0), 0.6, 0.1);
+    EXPECT_GE(view.log_likelihood, 0);
+  }
+}
+
 }  // namespace
 }  // namespace atomcam

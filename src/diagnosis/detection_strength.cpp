@@ -43,17 +43,10 @@ DetectionGround::DetectionGround(const Lab& lab, const Notes& notes, std::size_t
   plain_ = plain_model(real, null_stacks, plan_);
   own_offset_ = mean_offset(lab_);
   own_middle_ = plain_middle(Eigen::VectorXd::Zero(own_offset_.size()));
-  std::vector<double> p_values;
-  none_ = residuals(simulate_population(lab_, {}, stacks, plan_, numbers_of("detection/none")),
-                    Eigen::VectorXd::Zero(own_middle_.size()), p_values);
+  none_ = halves_of(residuals(simulate_population(lab_, {}, stacks, plan_, numbers_of("detection/none")),
+                              Eigen::VectorXd::Zero(own_middle_.size())));
   own_ = compressed_rows(tolerated_own(plain_));
-  const Eigen::MatrixXd& own = plain_.standard->own();
-  for (int fold = 0; fold < Standard::folds; ++fold) {
-    std::vector<Eigen::Index> in;
-    for (Eigen::Index n = 0; n < own.rows(); ++n)
-      if (n % Standard::folds != fold) in.push_back(n);
-    folds_.emplace_back(own(in, Eigen::all));
-  }
+  without_fold_ = correlations_without_each_fold(plain_.standard->own());
 }
 
 Eigen::VectorXd DetectionGround::mean_offset(const Lab& lab) const {
@@ -111,27 +104,33 @@ DetectionGround::Seen DetectionGround::look(const EffectDeclaration& effect, Par
   const Eigen::VectorXd followed =
       (plain_middle(mean_offset(lab) - own_offset_) - own_middle_)
           .binaryExpr(plain_.standard->deviation(), [chance](double by, double deviation) {
-            const double part = chance * deviation / std::max(1e-300, std::fabs(by));
-            return part < 1 ? by * (1 - part * part) : 0;
+            return beyond_chance(by, chance * deviation);
           });
+  const Eigen::MatrixXd rest = residuals(population, followed);
   std::vector<double> p_values;
-  Halves seen = residuals(population, followed, p_values);
+  for (const auto& stack : rest.rowwise()) p_values.push_back(plain_.test->p_value(stack.transpose()));
+  Halves seen = halves_of(rest);
   for (std::size_t half = 0; half < 2; ++half) seen[half] -= none_[half];
   return {std::log(std::max(1e-300, quantile(p_values, 0.9))), squared_distance(seen)};
 }
 
-DetectionGround::Halves DetectionGround::residuals(const Population& population,
-                                                   const Eigen::VectorXd& followed,
-                                                   std::vector<double>& p_values) const {
-  const Eigen::Index number = population.stacks();
+Eigen::MatrixXd DetectionGround::residuals(const Population& population,
+                                           const Eigen::VectorXd& followed) const {
+  Eigen::MatrixXd rest(population.whole.rows(), population.whole.cols());
+  for (Eigen::Index n = 0; n < rest.rows(); ++n)
+    rest.row(n) =
+        plain_.standard
+            ->tolerated(plain_.standard->judge_recalibrated(population.whole.row(n).transpose() - followed))
+            .transpose();
+  return rest;
+}
+
+DetectionGround::Halves DetectionGround::halves_of(const Eigen::MatrixXd& residuals) {
+  const Eigen::MatrixXd seen = compressed_rows(residuals);
   Halves half;
-  for (auto& sum : half) sum.setZero(population.whole.cols());
-  for (Eigen::Index n = 0; n < number; ++n) {
-    const Eigen::VectorXd z = plain_.standard->tolerated(
-        plain_.standard->judge_recalibrated(population.whole.row(n).transpose() - followed));
-    p_values.push_back(plain_.test->p_value(z));
-    half[static_cast<std::size_t>(n % 2)] += compressed(z) / (static_cast<double>(number) / 2);
-  }
+  for (auto& sum : half) sum.setZero(seen.cols());
+  for (Eigen::Index n = 0; n < seen.rows(); ++n)
+    half[static_cast<std::size_t>(n % 2)] += seen.row(n).transpose() / (static_cast<double>(seen.rows()) / 2);
   return half;
 }
 
@@ -141,7 +140,7 @@ double DetectionGround::squared_distance(const Halves& from_none) const {
   const Eigen::VectorXd way = 0.5 * (from_none[0] + from_none[1]);
   double scatter = 0;
   for (int fold = 0; fold < Standard::folds; ++fold) {
-    const Eigen::VectorXd filter = folds_[static_cast<std::size_t>(fold)].weighed(way).col(0);
+    const Eigen::VectorXd filter = without_fold_[static_cast<std::size_t>(fold)].weighed(way).col(0);
     const double norm = way.dot(filter);
     for (Eigen::Index n = fold; n < own_.rows(); n += Standard::folds)
       scatter += std::pow(own_.row(n).dot(filter), 2) / norm;

@@ -36,9 +36,10 @@ class DetectionGround {
   };
   /// Compressed residuals, means over either half of some stacks: their scatter is not taken for signal.
   using Halves = std::array<Eigen::VectorXd, 2>;
-  /// `followed`: what the plain model's statistics do as calibrating absorbs a part of the effect.
-  Halves residuals(const Population& population, const Eigen::VectorXd& followed,
-                   std::vector<double>& p_values) const;
+  static Halves halves_of(const Eigen::MatrixXd& residuals);
+  /// A row per stack. `followed`: what the plain model's statistics do as calibrating absorbs a part of the
+  /// effect.
+  Eigen::MatrixXd residuals(const Population& population, const Eigen::VectorXd& followed) const;
   double squared_distance(const Halves& from_none) const;
   Seen look(const EffectDeclaration& effect, ParameterValues values, double strength) const;
   /// By how much some stacks' calibrations say more than the one that the plain model is about, on average.
@@ -53,8 +54,8 @@ class DetectionGround {
   Model plain_;
   Eigen::VectorXd own_offset_, own_middle_;  // of stacks without an effect
   Halves none_;
-  Eigen::MatrixXd own_;             // compressed residuals of the plain model's stacks, a row each
-  std::vector<Correlation> folds_;  // of the plain model's stacks without those of a fold each
+  Eigen::MatrixXd own_;  // compressed residuals of the plain model's stacks, a row each
+  std::vector<Correlation> without_fold_;
 };
 
 }  // namespace atomcam

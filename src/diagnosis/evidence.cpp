@@ -13,6 +13,11 @@ Eigen::MatrixXd compressed_rows(const Eigen::MatrixXd& z) {
   return z.unaryExpr([](double v) { return 2 * std::asinh(v / 2); });
 }
 
+double beyond_chance(double value, double chance) {
+  const double part = chance / std::max(1e-300, std::fabs(value));
+  return part < 1 ? value * (1 - part * part) : 0;
+}
+
 double gap_of(const Eigen::VectorXd& z) {
   std::vector<double> squares(z.data(), z.data() + z.size());
   for (double& v : squares) v *= v;
@@ -58,6 +63,17 @@ Eigen::MatrixXd Correlation::weighed(const Eigen::MatrixXd& columns) const {
 Eigen::VectorXd Correlation::squares(const Eigen::MatrixXd& columns) const {
   return (columns.colwise().squaredNorm() - (together_ * columns).colwise().squaredNorm()).transpose() /
          alone_;
+}
+
+std::vector<Correlation> correlations_without_each_fold(const Eigen::MatrixXd& own) {
+  std::vector<Correlation> list;
+  for (int fold = 0; fold < Standard::folds; ++fold) {
+    std::vector<Eigen::Index> others;
+    for (Eigen::Index n = 0; n < own.rows(); ++n)
+      if (n % Standard::folds != fold) others.push_back(n);
+    list.emplace_back(own(others, Eigen::all));
+  }
+  return list;
 }
 
 OmnibusTest::OmnibusTest(const Eigen::MatrixXd& own, std::vector<bool> unsteady)

@@ -14,6 +14,9 @@ namespace atomcam {
 Eigen::VectorXd compressed(const Eigen::VectorXd& z);
 Eigen::MatrixXd compressed_rows(const Eigen::MatrixXd& z);
 
+/// A number that may be by chance as large as `chance`, less what chance makes of it: 0 if not beyond.
+double beyond_chance(double value, double chance);
+
 /// Mean of the squares of the 12 largest |z|: the gap.
 double gap_of(const Eigen::VectorXd& z);
 
@@ -47,6 +50,10 @@ class Correlation {
   Eigen::MatrixXd together_;  // [direction, statistic]
   double log_determinant_ = 0;
 };
+
+/// What correlations are without the stacks of each fold (every Standard::folds-th), to judge these by.
+/// `own`: deviations of the model's own stacks, a row each.
+std::vector<Correlation> correlations_without_each_fold(const Eigen::MatrixXd& own);
 
 /// p-value below which there is a gap. Of stacks without one, one in 200 may be called so; a null of some
 /// hundred stacks does not know its own tail to better than this margin.

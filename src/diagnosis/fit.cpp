@@ -82,8 +82,8 @@ Local straight_lines(const Population& population, const std::vector<Uncertain>&
     // that do: each is shrunk by what it may be by chance.
     for (Eigen::Index j = 0; j < m; ++j) {
       const double chance = 2 * local.noise(i) * std::sqrt(inverse(j + 1, j + 1));
-      const double kept = std::max(0.0, 1 - std::pow(chance / std::max(1e-300, std::fabs(line(j + 1))), 2));
-      local.slopes(i, j) = kept * line(j + 1) / open[static_cast<std::size_t>(from + j)].width;
+      local.slopes(i, j) =
+          beyond_chance(line(j + 1), chance) / open[static_cast<std::size_t>(from + j)].width;
     }
   }
   return local;

@@ -125,12 +125,11 @@ Eigen::VectorXd own_log_likelihoods(const Model& model) {
   const Standard& standard = *model.standard;
   const Eigen::MatrixXd& own = standard.own();
   Eigen::VectorXd all(own.rows());
+  const std::vector<Correlation> without = correlations_without_each_fold(own);
   for (int fold = 0; fold < Standard::folds; ++fold) {
-    std::vector<Eigen::Index> in, out;
-    for (Eigen::Index n = 0; n < own.rows(); ++n) (n % Standard::folds == fold ? out : in).push_back(n);
-    const Correlation correlation(own(in, Eigen::all));
+    const Correlation& correlation = without[static_cast<std::size_t>(fold)];
     const double width = log_width(standard, correlation);
-    for (const Eigen::Index n : out)
+    for (Eigen::Index n = fold; n < own.rows(); n += Standard::folds)
       all(n) = -0.5 * correlation.squares(compressed(standard.tolerated(own.row(n).transpose())))(0) - width;
   }
   return all;

@@ -85,7 +85,8 @@ double Naming::closed_by(const Model& model) const {
 }
 
 bool Naming::likelier(const Model& model) const {
-  return !model.explains.empty() || model.log_likelihood >= plain_.log_likelihood + least_evidence;
+  return !model.explains.empty() || model.log_likelihood >= plain_.log_likelihood + least_evidence ||
+         discriminant_odds(model, plain_, as_vector(real_.whole)) >= least_evidence;
 }
 
 bool Naming::takes_nearly_all(const Model& model) const {

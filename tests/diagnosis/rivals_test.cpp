@@ -73,5 +73,36 @@ TEST(Rivals, TurnedRoundTheOddsAreOpposite) {
   EXPECT_NEAR(Rivals(one, other).odds(stack), -Rivals(other, one).odds(stack), 0.3);
 }
 
+// What a full likelihood of all statistics, known from few stacks, hardly sees.
+TEST(DiscriminantOdds, TellADifferenceOfAFewStatistics) {
+  MadeUp made;
+  constexpr double by = 1.6;
+  const Model few = made.model(90, by), many = made.model(240, 0);
+  constexpr int times = 200;
+  int right = 0, sure = 0;
+  for (int k = 0; k < times; ++k) {
+    const double of_few = discriminant_odds(few, many, made.stack(by)),
+                 of_many = discriminant_odds(few, many, made.stack(0));
+    right += (of_few > 0) + (of_many < 0);
+    sure += (of_few > 3) + (of_many < -3);
+  }
+  EXPECT_GT(right, 0.94 * 2 * times);
+  EXPECT_GT(sure, 0.7 * 2 * times);
+}
+
+TEST(DiscriminantOdds, AreEvenWhereTheMeansDoNotDiffer) {
+  MadeUp made;
+  const Model one = made.model(90, 0), same = made.model(240, 0);
+  for (const double far : {0.0, 2.0, 10.0, 100.0})
+    for (int k = 0; k < 50; ++k) EXPECT_LT(discriminant_odds(one, same, made.stack(far)), 3) << far;
+}
+
+// An effect of the other sign, or at another place, is not on the way.
+TEST(DiscriminantOdds, AreNotForWhatTheFramesDoNotShow) {
+  MadeUp made;
+  const Model one = made.model(90, -3), other = made.model(240, 0);
+  for (int k = 0; k < 50; ++k) EXPECT_LT(discriminant_odds(one, other, made.stack(3)), 3);
+}
+
 }  // namespace
 }  // namespace atomcam

@@ -81,7 +81,8 @@ class Race {
       }
       progress_(title(contenders_[k].model), 0.4 + 0.1 * static_cast<double>(k));
       go_on(contenders_[k], more_rounds, "fit 2/");
-      if (contenders_[k].model.distance >= distance) try_second_start(contenders_[k]);
+      const bool several = contenders_[k].model.effects.size() > 1;
+      if (several && contenders_[k].model.distance >= distance) try_second_start(contenders_[k]);
       ends_[contenders_[k].model.effects] = contenders_[k].model.nearest;
     }
     if (plain_ >= like_own) sort();
@@ -91,26 +92,31 @@ class Race {
     let_go([&](const Model& model) { return nearest > far_away || model.distance > behind(nearest); });
   }
 
+  /// The next start of the same effects, followed as well, where it is about as near; else null.
+  Contender* second_start(const Model& nearest) {
+    const auto second = second_starts_.find(nearest.effects);
+    if (second == second_starts_.end() || second->second.model.distance > no_better * nearest.distance)
+      return nullptr;
+    if (followed_.insert(nearest.effects).second) go_on(second->second, more_rounds, "fit 2/");
+    return &second->second;
+  }
+
  private:
-  /// Of several effects the next start as well.
   void keep_nearest_starts() {
     std::set<std::vector<std::string>> seen;
     std::vector<Contender> nearest;
     for (Contender& one : contenders_)
       if (seen.insert(one.model.effects).second)
         nearest.push_back(std::move(one));
-      else if (one.model.effects.size() > 1)
+      else
         second_starts_.try_emplace(one.model.effects, std::move(one));
     contenders_ = std::move(nearest);
   }
   /// Where no round has come nearer, the start was in a valley of its own: of several effects each can make
   /// up for a little of what another gets wrong.
   void try_second_start(Contender& stuck) {
-    const auto second = second_starts_.find(stuck.model.effects);
-    if (second == second_starts_.end() || second->second.model.distance > no_better * stuck.model.distance)
-      return;
-    go_on(second->second, more_rounds, "fit 2/");
-    if (second->second.model.distance < stuck.model.distance) std::swap(stuck, second->second);
+    Contender* second = second_start(stuck.model);
+    if (second && second->model.distance < stuck.model.distance) std::swap(stuck, *second);
   }
   void go_on(Contender& contender, int rounds, const std::string& step) {
     fit(contender.model, ground_, rounds, plan_, numbers_of(step + contender.name));
@@ -131,7 +137,8 @@ class Race {
   const DiagnosisProgress& progress_;
   Ends& ends_;
   std::map<std::vector<std::string>, Contender> second_starts_;
-  double plain_ = 0;  // distance of the plain model
+  std::set<std::vector<std::string>> followed_;  // whose second start was
+  double plain_ = 0;                             // distance of the plain model
 };
 
 /// Whether judging has led the calibration's parameters far from where the model has them: what comes out
@@ -226,20 +233,29 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
       return Judged{std::move(one), by_it};
     };
     std::vector<Judged> looks;
-    looks.push_back(judged(std::move(model), "/" + name, false));
     // Near, and not quite there: as many stacks show the way better than the few of a fit's round.
     const auto near = [&](const Judged& look) {
-      return look.closed > least_to_pass || differs_as_own_stacks(look.model, *ground.plain, battery);
+      return look.model.p_value < comfortable &&
+             (look.closed > least_to_pass || differs_as_own_stacks(look.model, *ground.plain, battery));
     };
-    while (looks.size() <= more_looks && near(looks.back()) && looks.back().model.p_value < comfortable) {
-      const bool calibrated = calibrates_elsewhere(looks.back().model);
-      Judged next = judged(about_estimate(looks.back().model, calibrated),
-                           fmt::format(" {}/{}", looks.size(), name), calibrated);
-      if (next.model.log_likelihood < looks.back().model.log_likelihood &&
-          next.model.p_value < looks.back().model.p_value)
-        break;
-      looks.push_back(std::move(next));
-    }
+    const auto look_from = [&](Model start, const std::string& start_name) {
+      const std::size_t first = looks.size();
+      looks.push_back(judged(std::move(start), "/" + start_name, false));
+      for (std::size_t more = 1; more <= more_looks && near(looks.back()); ++more) {
+        const bool calibrated = calibrates_elsewhere(looks.back().model);
+        Judged next = judged(about_estimate(looks.back().model, calibrated),
+                             fmt::format(" {}/{}", looks.size() - first, start_name), calibrated);
+        if (next.model.log_likelihood < looks.back().model.log_likelihood &&
+            next.model.p_value < looks.back().model.p_value)
+          break;
+        looks.push_back(std::move(next));
+      }
+    };
+    look_from(std::move(model), name);
+    // Of starts that all came near the distance hardly tells the right one.
+    if (const Judged& best = best_of(looks); near(best))
+      if (Contender* second = race.second_start(best.model))
+        look_from(std::move(second->model), second->name);
     Judged& best = best_of(looks);
     closed.push_back(best.closed);
     model = std::move(best.model);

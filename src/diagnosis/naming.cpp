@@ -8,6 +8,7 @@
 #include <set>
 #include <vector>
 
+#include "base/quantile.hpp"
 #include "diagnosis/contenders.hpp"
 #include "diagnosis/gap_closed.hpp"
 #include "diagnosis/rivals.hpp"
@@ -36,6 +37,12 @@ std::string most_missed(const Model& model, const std::vector<StatisticDeclarati
 }
 
 }  // namespace
+
+double clear_difference_of(const Eigen::MatrixXd& own) {
+  std::vector<double> largest;
+  for (const auto& stack : own.rowwise()) largest.push_back(stack.cwiseAbs().maxCoeff());
+  return std::max(clear_difference, median(std::move(largest)));
+}
 
 bool odd_under(const Model& model) {
   return std::min(model.p_value, model.oddest) < odd;
@@ -152,7 +159,7 @@ Eigen::Index Naming::largest_as_it_was(const Model& model) const {
   const Eigen::ArrayXd before = plain_.z.cwiseProduct(plain.deviation()).array().abs(),
                        after = model.z.cwiseProduct(own.deviation()).array().abs();
   const Eigen::Array<bool, Eigen::Dynamic, 1> counts =
-      plain.deviation().array() > 0 && left > clear_difference && after > as_it_was * before;
+      plain.deviation().array() > 0 && left > clear_difference_of(own.own()) && after > as_it_was * before;
   Eigen::Index at = 0;
   return counts.select(left, -1).maxCoeff(&at) > 0 ? at : -1;
 }

@@ -41,6 +41,10 @@ double chance_of(const Model& model, const Model& plain);
 /// Its effects with their parameters at the estimates.
 std::vector<FoundEffect> found_effects(const Named& named);
 
+/// From where on a deviation is clear, whatever the p-value: 5.5 standard deviations, and more than what
+/// every other of a model's own stacks (a row each) has somewhere.
+double clear_difference_of(const Eigen::MatrixXd& own);
+
 class Naming {
  public:
   /// What is judged before must outlive this.

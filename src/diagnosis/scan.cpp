@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/random.hpp"
 #include "effects/patterns.hpp"
@@ -369,6 +370,48 @@ std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t l
   std::sort(pairs.begin(), pairs.end(),
             [](const PairMatch& a, const PairMatch& b) { return a.gain + a.alone > b.gain + b.alone; });
   return pairs;
+}
+
+std::vector<AddedMatch> match_added(const std::vector<Scan>& scans, const Model& model,
+                                    const Standard& standard, const ScanViews& real, int threads) {
+  const Eigen::MatrixXd& stacks = model.population.whole;
+  ScanViews mean, variance;
+  {
+    std::array<Eigen::MatrixXd, scan_views> seen;
+    for (Eigen::MatrixXd& view : seen) view.resize(stacks.cols(), stacks.rows());
+    for (Eigen::Index n = 0; n < stacks.rows(); ++n) {
+      const ScanViews of_stack = views_of(standard, stacks.row(n).transpose());
+      for (std::size_t v = 0; v < scan_views; ++v) seen[v].col(n) = of_stack[v];
+    }
+    for (std::size_t v = 0; v < scan_views; ++v) {
+      mean[v] = seen[v].rowwise().mean();
+      variance[v] = ((seen[v].colwise() - mean[v]).array().square().rowwise().mean() - 1).max(0.0);
+    }
+  }
+  std::vector<AddedMatch> list;
+  for (std::size_t k = 0; k < scans.size(); ++k)
+    if (const auto& has = model.effects;
+        std::find(has.begin(), has.end(), scans[k].effect->name) == has.end())
+      list.push_back({k, {}, -std::numeric_limits<double>::infinity()});
+  parallel_for(static_cast<int>(list.size()), threads, 1, [&](int n) {
+    AddedMatch& added = list[static_cast<std::size_t>(n)];
+    const Scan& scan = scans[added.scan];
+    for (std::size_t v = 0; v < scan_views; ++v) {
+      const ScanView& view = scan.view[v];
+      RandomStream random(1, stream_id("diagnosis/added"), static_cast<std::uint64_t>(n), v);
+      const Least found = least_left(scan, view.best, random, [&](const Eigen::VectorXd& at) {
+        return -independent(real[v], compressed(expanded(mean[v]) + expanded(view.emulator->mean(at))),
+                            variance[v] + view.emulator->variance(at));
+      });
+      const double gain = -found.left - independent(real[v], mean[v], variance[v]);
+      if (gain <= added.gain) continue;
+      added.gain = gain;
+      added.best = found.at;
+    }
+  });
+  std::sort(list.begin(), list.end(),
+            [](const AddedMatch& a, const AddedMatch& b) { return a.gain > b.gain; });
+  return list;
 }
 
 }  // namespace atomcam

@@ -80,4 +80,16 @@ struct PairMatch {
 std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders, const ScanViews& real,
                                    int threads);
 
+/// An effect on top of a model that is judged already: deviations taken to add up.
+struct AddedMatch {
+  std::size_t scan = 0;
+  Eigen::VectorXd best;
+  double gain = 0;  // in logarithmic likelihood over the model without it
+};
+
+/// Every scan's effect that `model` does not have on top of it, the most promising first. `standard`: of the
+/// model that the scans were made on. A quick look, as match_pairs().
+std::vector<AddedMatch> match_added(const std::vector<Scan>& scans, const Model& model,
+                                    const Standard& standard, const ScanViews& real, int threads);
+
 }  // namespace atomcam

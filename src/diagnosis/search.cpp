@@ -13,7 +13,7 @@ namespace atomcam {
 namespace {
 
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
-constexpr double pair_odds = 5;         // logarithm, over the likeliest of one effect, for two
+constexpr double more_odds = 5;         // logarithm, over the likeliest of fewer effects, for one more
 
 /// The effects whose strength is some errors away from nothing.
 std::vector<std::string> significant(const Model& model) {
@@ -145,33 +145,74 @@ std::optional<Found> Search::whole() {
   for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, alone)) {
     // Strengths of what comes out differently every time are not known well: then likelihood tells, or what
     // one effect cannot be right about.
-    const bool likelier = Rivals(model, left_alone).odds(statistics) > pair_odds;
+    const bool likelier = Rivals(model, left_alone).odds(statistics) > more_odds;
     const std::vector<std::string> needed = significant(model);
     if (needed.size() < model.effects.size()) {
       if (!naming_.passes(model)) continue;
       // It may be the place that the pair's fit found for one of the two that explains.
       if (needed.size() == 1)
-        lone.push_back({needed.front() + ", of " + title(model), only(model, needed.front()),
-                        evidence_for(needed.front())});
+        lone.push_back({needed.front() + ", of " + title(model), only(model, needed),
+                        scan_of(needed.front()).best().log_likelihood});
       if (likelier || naming_.contradicted(left_alone)) undecided.push_back(std::move(model));
       continue;
     }
-    // The pair must leave much less than the better of the two alone, in its own standard deviations.
-    const bool better = likelier && model.gap - model.floor < 0.3 * (left_alone.gap - left_alone.floor);
-    if (model.p_value >= reject_level || better) pairs.push_back(std::move(model));
+    if (improves(model, left_alone)) pairs.push_back(std::move(model));
   }
   if (const auto named = naming_.choose(pairs)) return found(named);
   for (Model& model : fit_and_judge(std::move(lone), 0.95, 1)) singles.push_back(std::move(model));
   if (const auto named = naming_.choose(singles)) return found(named);
   const Model& either = likeliest(singles);
   std::erase_if(undecided, [&](const Model& model) {
-    return Rivals(model, either).odds(statistics) < pair_odds && !naming_.contradicted(either);
+    return Rivals(model, either).odds(statistics) < more_odds && !naming_.contradicted(either);
   });
   if (const auto named = naming_.choose(undecided)) return found(named);
+  std::vector<Model> more;
+  if (!pairs.empty()) more = triples(likeliest(pairs));
+  if (const auto named = naming_.choose(more)) return found(named);
   std::vector<Model> all;
-  for (Model& model : singles) all.push_back(std::move(model));
-  for (Model& model : pairs) all.push_back(std::move(model));
+  for (auto* models : {&singles, &pairs, &more})
+    for (Model& model : *models) all.push_back(std::move(model));
   return found(naming_.nearest(all));
+}
+
+/// A third effect on top of the pair, by the rule that pairs are judged by, and much likelier: three bend to
+/// more than two. Where one of the three is not needed then, the other two, or if these do not explain it,
+/// all the same the three: strengths of what is few and large or many and small are not known well.
+std::vector<Model> Search::triples(const Model& pair) {
+  constexpr std::size_t most = 2;
+  std::vector<Contender> candidates;
+  for (const AddedMatch& third :
+       match_added(scans_, pair, *ground_.plain.standard, seen_, ground_.plan.threads)) {
+    if (candidates.size() == most || third.gain < second_evidence) break;
+    const Scan& scan = scans_[third.scan];
+    candidates.push_back({title(pair) + " + " + scan.effect->name,
+                          with(only(pair, pair.effects), scan, third.best), third.gain});
+  }
+  std::vector<Model> list, undecided;
+  std::vector<Contender> fewer;
+  for (Model& model : fit_and_judge(std::move(candidates), 0.95, 0.98, pair.distance)) {
+    const bool likelier = Rivals(model, pair).odds(as_vector(ground_.real.values->whole)) > more_odds;
+    const std::vector<std::string> needed = significant(model);
+    if (needed.size() == model.effects.size()) {
+      if (likelier && improves(model, pair)) list.push_back(std::move(model));
+    } else if (naming_.passes(model)) {
+      if (needed.size() == 2) fewer.push_back({title(model) + ", of three", only(model, needed), 0});
+      if (likelier || naming_.contradicted(pair)) undecided.push_back(std::move(model));
+    }
+  }
+  for (Model& model : fit_and_judge(std::move(fewer), 0.98, 1))
+    if (significant(model).size() == model.effects.size()) list.push_back(std::move(model));
+  if (naming_.choose(list)) return list;
+  for (Model& model : undecided) list.push_back(std::move(model));
+  return list;
+}
+
+/// The frames are as its own stacks, or it leaves much less of the gap than fewer effects do, in its own
+/// standard deviations, and is likelier.
+bool Search::improves(const Model& model, const Model& fewer) const {
+  return model.p_value >= reject_level ||
+         (model.gap - model.floor < 0.3 * (fewer.gap - fewer.floor) &&
+          Rivals(model, fewer).odds(as_vector(ground_.real.values->whole)) > more_odds);
 }
 
 /// Real cameras have several effects at once, some in no catalogue. One that has a law of its own is named
@@ -242,17 +283,20 @@ Model Search::with(const Model& before, const Scan& scan, const Eigen::VectorXd&
   return model;
 }
 
-/// The model with one of its effects alone, about what was estimated with the others.
-Model Search::only(const Model& model, const std::string& name) const {
+/// The model with only these of its effects, about what was estimated with the others.
+Model Search::only(const Model& model, const std::vector<std::string>& names) const {
   const Model& plain = ground_.plain;
   Model one;
-  one.effects = {name};
+  one.effects = names;
   one.lab = model.lab;
   one.first_effect_parameter = model.first_effect_parameter;
   for (std::size_t k = 0; k < model.open.size(); ++k) {
     const auto at = static_cast<Eigen::Index>(k);
     Uncertain open = at < plain.first_effect_parameter ? plain.open[k] : model.open[k];
-    if (at >= plain.first_effect_parameter && !open.name.starts_with("effects." + name + ".")) continue;
+    const bool kept = std::any_of(names.begin(), names.end(), [&](const std::string& name) {
+      return open.name.starts_with("effects." + name + ".");
+    });
+    if (at >= plain.first_effect_parameter && !kept) continue;
     open.centre = std::clamp(model.estimate(at), model.open[k].lowest, model.open[k].highest);
     one.open.push_back(std::move(open));
   }
@@ -327,10 +371,9 @@ std::optional<Eigen::VectorXd> Search::end_alone(const Scan& scan) const {
   return end;
 }
 
-double Search::evidence_for(const std::string& name) const {
-  for (const Scan& one : scans_)
-    if (one.effect->name == name) return one.best().log_likelihood;
-  return 0;
+const Scan& Search::scan_of(const std::string& name) const {
+  return *std::find_if(scans_.begin(), scans_.end(),
+                       [&](const Scan& one) { return one.effect->name == name; });
 }
 
 /// One model or none.

@@ -47,6 +47,8 @@ class Search {
 
  private:
   std::optional<Found> whole();
+  std::vector<Model> triples(const Model& pair);
+  bool improves(const Model& model, const Model& fewer) const;
   std::optional<Found> in_part();
 
   void scan();
@@ -55,14 +57,14 @@ class Search {
   std::vector<Contender> overlooked();
   void add_pair(const PairMatch& match, std::vector<Contender>& candidates);
   std::optional<Eigen::VectorXd> end_alone(const Scan& scan) const;
+  const Scan& scan_of(const std::string& name) const;
   std::vector<Model> fit_and_judge(std::vector<Contender> contenders, double from, double to,
                                    double alone = 1e300);
   std::vector<Model> fit_in_part(const Scan& scan, const PartMatch& match,
                                  const std::vector<std::string>& observables);
   double closed_by_rival(const Scan& scan, const Model& model, const Eigen::VectorXd& own);
   Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about);
-  Model only(const Model& model, const std::string& name) const;
-  double evidence_for(const std::string& name) const;
+  Model only(const Model& model, const std::vector<std::string>& names) const;
   void note(const Model& model, double evidence);
 
   SearchGround ground_;

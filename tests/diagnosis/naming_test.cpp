@@ -137,6 +137,16 @@ TEST_F(Naming, HowMuchLikelierAnEffectMustBeIsPartOfWhatThePlainModelMisses) {
   EXPECT_FALSE(much_likelier(found, plain));
 }
 
+// Few hot pixels, many or large: each of such a model's own stacks is far off somewhere.
+TEST(ClearDifference, IsLargerThanWhatOwnStacksHaveSomewhere) {
+  Eigen::MatrixXd own = Eigen::MatrixXd::Constant(60, 200, 1);
+  EXPECT_EQ(clear_difference_of(own), 5.5);
+  for (Eigen::Index n = 0; n < 29; ++n) own(n, 2 * n) = -7;
+  EXPECT_EQ(clear_difference_of(own), 5.5);
+  for (Eigen::Index n = 29; n < 40; ++n) own(n, 2 * n) = 7;
+  EXPECT_EQ(clear_difference_of(own), 7);
+}
+
 TEST_F(Naming, WhatDoesNotPassIsToldWhy) {
   const auto objection = [&](double closed, double p_value) {
     return naming().objection(model({"row_noise"}, closed, p_value));

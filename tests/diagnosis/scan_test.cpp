@@ -128,5 +128,55 @@ TEST(Scan, KeepsThePlaceWhereSizesSpreadAsUsual) {
   }
 }
 
+// On top of two effects that are known, the one that makes what they leave.
+TEST(Scan, AnEffectOnTopOfOthersIsFoundByWhatTheyLeave) {
+  constexpr int stacks = 30;
+  const std::vector<std::string> names = {"row_noise", "hot_pixels", "vignetting", "blinking"};
+  std::mt19937 random{9};
+  std::normal_distribution<double> normal;
+  const auto stack = [&](const std::vector<double>& strengths) {
+    Eigen::VectorXd z(statistics);
+    for (Eigen::Index i = 0; i < statistics; ++i) {
+      const auto at = static_cast<std::size_t>(i / few);
+      z(i) = normal(random) + (at < strengths.size() ? 25 * strengths[at] : 0);
+    }
+    return z;
+  };
+  const auto population = [&](Eigen::Index count, const std::vector<double>& strengths) {
+    Population made;
+    made.draws = Eigen::MatrixXd::NullaryExpr(count, 1, [&] { return normal(random); });
+    made.whole.resize(count, statistics);
+    for (Eigen::Index n = 0; n < count; ++n) made.whole.row(n) = stack(strengths).transpose();
+    return made;
+  };
+  const Standard standard(population(200, {}), Part::whole, {}, Eigen::VectorXd::Zero(statistics));
+  std::vector<Scan> scans(names.size());
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    Scan& scan = scans[k];
+    scan.effect = find_effect(names[k]);
+    scan.open = {strength()};
+    scan.draws.resize(stacks, 1);
+    for (ScanView& view : scan.view) view.values.resize(stacks, statistics);
+    for (Eigen::Index n = 0; n < stacks; ++n) {
+      scan.draws(n, 0) = (static_cast<double>(n) + 0.5) / stacks;
+      std::vector<double> strengths(names.size());
+      strengths[k] = scan.draws(n, 0);
+      const ScanViews seen = views_of(standard, stack(strengths));
+      for (std::size_t v = 0; v < scan_views; ++v) scan.view[v].values.row(n) = seen[v].transpose();
+    }
+  }
+  const ScanViews real = views_of(standard, stack({0.6, 0.5, 0.4}));
+  match(scans, Correlation(Eigen::MatrixXd::Zero(1, statistics)), real, 1);
+  Model pair;
+  pair.effects = {"hot_pixels", "row_noise"};
+  pair.population = population(60, {0.6, 0.5});
+  const std::vector<AddedMatch> added = match_added(scans, pair, standard, real, 2);
+  ASSERT_EQ(added.size(), 2);
+  EXPECT_EQ(names[added[0].scan], "vignetting");
+  EXPECT_NEAR(added[0].best(0), 0.4, 0.1);
+  EXPECT_GT(added[0].gain, 30);
+  EXPECT_LT(added[1].gain, 12);  // nothing is made a second effect of
+}
+
 }  // namespace
 }  // namespace atomcam

@@ -423,9 +423,9 @@ std::string sentence_of(const Diagnosis& d) {
       return fmt::format("{} {} {} of the gap on held-out frames; what remains is not explained.", names(),
                          d.effects.size() > 1 ? "close" : "closes", percent(d.gap.closed));
     case Verdict::ambiguous: {
-      std::vector<std::string> others;
+      std::set<std::string> others;  // of several effects each has the same
       for (const FoundEffect& effect : d.effects)
-        for (const std::string& name : effect.confusable_with) others.push_back(name);
+        others.insert(effect.confusable_with.begin(), effect.confusable_with.end());
       return fmt::format("{} or {}: these frames cannot tell them apart.", names(), fmt::join(others, ", "));
     }
     case Verdict::unexplained:

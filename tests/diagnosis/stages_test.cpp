@@ -265,5 +265,14 @@ TEST(Where, FalseDiscoveriesAreAsRareAsTold) {
   EXPECT_LT(q_of(steady + 3, 20), 1e-4);
 }
 
+TEST(Sentence, NamesEveryNeighbourOnce) {
+  Diagnosis found;
+  found.verdict = Verdict::ambiguous;
+  for (const char* name : {"row_noise", "hot_pixels"})
+    found.effects.push_back({name, "sensor", {}, 0.5, {"dual_adc_peaks", "cosmic_rays"}});
+  EXPECT_EQ(sentence_of(found),
+            "row_noise and hot_pixels or cosmic_rays, dual_adc_peaks: these frames cannot tell them apart.");
+}
+
 }  // namespace
 }  // namespace atomcam

@@ -39,10 +39,7 @@ Model Model::with_first_effects(std::size_t count, const Eigen::VectorXd& coordi
   for (std::size_t k = 0; k < open.size(); ++k) {
     Uncertain one = open[k];
     if (static_cast<Eigen::Index>(k) >= first_effect_parameter) {
-      const bool kept = std::any_of(fewer.effects.begin(), fewer.effects.end(), [&](const std::string& name) {
-        return one.name.starts_with("effects." + name + ".");
-      });
-      if (!kept) continue;
+      if (!one.is_of(fewer.effects)) continue;
       one.centre = std::clamp(coordinates(static_cast<Eigen::Index>(k)), one.lowest, one.highest);
       one.width = 0;
     }
@@ -113,12 +110,17 @@ double log_width(const Standard& standard, const Correlation& correlation) {
 
 }  // namespace
 
-Eigen::VectorXd log_likelihoods(const Model& model, const Eigen::MatrixXd& statistics) {
-  const Standard& standard = *model.standard;
+Eigen::MatrixXd compressed_deviations(const Standard& standard, const Eigen::MatrixXd& statistics) {
   Eigen::MatrixXd z(statistics.cols(), statistics.rows());
   for (Eigen::Index n = 0; n < statistics.rows(); ++n)
     z.col(n) = compressed(standard.tolerated(standard.judge(statistics.row(n).transpose())));
-  return (-0.5 * model.correlation->squares(z)).array() - log_width(standard, *model.correlation);
+  return z;
+}
+
+Eigen::VectorXd log_likelihoods(const Model& model, const Eigen::MatrixXd& statistics) {
+  const Standard& standard = *model.standard;
+  return (-0.5 * model.correlation->squares(compressed_deviations(standard, statistics))).array() -
+         log_width(standard, *model.correlation);
 }
 
 Eigen::VectorXd own_log_likelihoods(const Model& model) {

@@ -68,6 +68,10 @@ Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& rea
 Standard::Estimate within_draws(Standard::Estimate estimate, const std::vector<Uncertain>& open,
                                 Eigen::Index first);
 
+/// Of stacks' batteries (a row each) from what a model expects, with what it may be wrong by tolerated: a
+/// column each.
+Eigen::MatrixXd compressed_deviations(const Standard& standard, const Eigen::MatrixXd& statistics);
+
 /// Logarithmic likelihoods of stacks' batteries (a row each) under a judged model; and of its own stacks,
 /// each under what the others say of the model (as many folds as in its standard).
 Eigen::VectorXd log_likelihoods(const Model& model, const Eigen::MatrixXd& statistics);

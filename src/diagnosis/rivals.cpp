@@ -44,13 +44,8 @@ double Rivals::odds(const Eigen::VectorXd& statistics) const {
 
 double discriminant_odds(const Model& one, const Model& other, const Eigen::VectorXd& statistics) {
   const Standard& standard = *other.standard;
-  const auto seen = [&](const Eigen::VectorXd& of_stack) {
-    return compressed(standard.tolerated(standard.judge(of_stack)));
-  };
   const Eigen::MatrixXd of_other = compressed_rows(tolerated_own(other));
-  Eigen::MatrixXd of_one(one.population.whole.rows(), of_other.cols());
-  for (Eigen::Index n = 0; n < of_one.rows(); ++n)
-    of_one.row(n) = seen(one.population.whole.row(n).transpose()).transpose();
+  const Eigen::MatrixXd of_one = compressed_deviations(standard, one.population.whole).transpose();
   const auto scatter = [](const Eigen::MatrixXd& stacks) -> Eigen::RowVectorXd {  // of the mean, squared
     const double count = static_cast<double>(stacks.rows());
     return (stacks.rowwise() - stacks.colwise().mean()).colwise().squaredNorm() / (count * (count - 1));
@@ -62,7 +57,7 @@ double discriminant_odds(const Model& one, const Model& other, const Eigen::Vect
   const Eigen::VectorXd filter = other.correlation->weighed(way).col(0);
   constexpr double least = 0.1;  // of the deviation that the correlations tell
   const double finest = least * std::sqrt(way.dot(filter));
-  const double at = seen(statistics).dot(filter);
+  const double at = compressed_deviations(standard, statistics.transpose()).col(0).dot(filter);
   return StacksLaw(of_one * filter, finest).log_density(at) -
          StacksLaw(of_other * filter, finest).log_density(at);
 }

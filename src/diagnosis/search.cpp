@@ -29,6 +29,11 @@ std::vector<std::string> significant(const Model& model) {
   return list;
 }
 
+/// Of the gap, in its own standard deviations, than a model of fewer effects.
+bool leaves_much_less(const Model& model, const Model& fewer) {
+  return model.gap - model.floor < 0.3 * (fewer.gap - fewer.floor);
+}
+
 void sort(std::vector<Scan>& scans) {
   std::sort(scans.begin(), scans.end(),
             [](const Scan& a, const Scan& b) { return a.best().log_likelihood > b.best().log_likelihood; });
@@ -123,7 +128,7 @@ std::vector<Contender> Search::starts() {
   return contenders;
 }
 
-/// One effect or two that explain all that is odd.
+/// One effect, two or three that explain all that is odd.
 std::optional<Found> Search::whole() {
   const Eigen::VectorXd statistics = as_vector(ground_.real.values->whole);
   std::vector<Model> singles = fit_and_judge(starts(), 0.58, 0.75);
@@ -156,7 +161,8 @@ std::optional<Found> Search::whole() {
       if (likelier || naming_.contradicted(left_alone)) undecided.push_back(std::move(model));
       continue;
     }
-    if (improves(model, left_alone)) pairs.push_back(std::move(model));
+    if (model.p_value >= reject_level || (likelier && leaves_much_less(model, left_alone)))
+      pairs.push_back(std::move(model));
   }
   if (const auto named = naming_.choose(pairs)) return found(named);
   for (Model& model : fit_and_judge(std::move(lone), 0.95, 1)) singles.push_back(std::move(model));
@@ -194,7 +200,8 @@ std::vector<Model> Search::triples(const Model& pair) {
     const bool likelier = Rivals(model, pair).odds(as_vector(ground_.real.values->whole)) > more_odds;
     const std::vector<std::string> needed = significant(model);
     if (needed.size() == model.effects.size()) {
-      if (likelier && improves(model, pair)) list.push_back(std::move(model));
+      if (likelier && (model.p_value >= reject_level || leaves_much_less(model, pair)))
+        list.push_back(std::move(model));
     } else if (naming_.passes(model)) {
       if (needed.size() == 2) fewer.push_back({title(model) + ", of three", only(model, needed), 0});
       if (likelier || naming_.contradicted(pair)) undecided.push_back(std::move(model));
@@ -202,17 +209,9 @@ std::vector<Model> Search::triples(const Model& pair) {
   }
   for (Model& model : fit_and_judge(std::move(fewer), 0.98, 1))
     if (significant(model).size() == model.effects.size()) list.push_back(std::move(model));
-  if (naming_.choose(list)) return list;
-  for (Model& model : undecided) list.push_back(std::move(model));
+  if (std::none_of(list.begin(), list.end(), [&](const Model& model) { return naming_.passes(model); }))
+    for (Model& model : undecided) list.push_back(std::move(model));
   return list;
-}
-
-/// The frames are as its own stacks, or it leaves much less of the gap than fewer effects do, in its own
-/// standard deviations, and is likelier.
-bool Search::improves(const Model& model, const Model& fewer) const {
-  return model.p_value >= reject_level ||
-         (model.gap - model.floor < 0.3 * (fewer.gap - fewer.floor) &&
-          Rivals(model, fewer).odds(as_vector(ground_.real.values->whole)) > more_odds);
 }
 
 /// Real cameras have several effects at once, some in no catalogue. One that has a law of its own is named
@@ -293,10 +292,7 @@ Model Search::only(const Model& model, const std::vector<std::string>& names) co
   for (std::size_t k = 0; k < model.open.size(); ++k) {
     const auto at = static_cast<Eigen::Index>(k);
     Uncertain open = at < plain.first_effect_parameter ? plain.open[k] : model.open[k];
-    const bool kept = std::any_of(names.begin(), names.end(), [&](const std::string& name) {
-      return open.name.starts_with("effects." + name + ".");
-    });
-    if (at >= plain.first_effect_parameter && !kept) continue;
+    if (at >= plain.first_effect_parameter && !open.is_of(names)) continue;
     open.centre = std::clamp(model.estimate(at), model.open[k].lowest, model.open[k].highest);
     one.open.push_back(std::move(open));
   }

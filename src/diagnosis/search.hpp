@@ -48,7 +48,6 @@ class Search {
  private:
   std::optional<Found> whole();
   std::vector<Model> triples(const Model& pair);
-  bool improves(const Model& model, const Model& fewer) const;
   std::optional<Found> in_part();
 
   void scan();

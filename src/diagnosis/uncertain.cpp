@@ -68,6 +68,11 @@ Uncertain proportion(std::string name, double error, double calibrated, double S
 
 }  // namespace
 
+bool Uncertain::is_of(const std::vector<std::string>& effects) const {
+  return std::any_of(effects.begin(), effects.end(),
+                     [&](const std::string& effect) { return name.starts_with("effects." + effect + "."); });
+}
+
 void Uncertain::move_to(double coordinate) {
   constexpr double bounds = 5;  // widths
   centre = std::clamp(std::clamp(coordinate, -farthest, farthest), least, most);

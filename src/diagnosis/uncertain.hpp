@@ -38,6 +38,8 @@ struct Uncertain {
   /// By how much a calibration says more than another, as a coordinate; empty for an effect's parameter.
   std::function<double(const Calibration& one, const Calibration& other)> offset;
 
+  /// A parameter of one of these effects.
+  bool is_of(const std::vector<std::string>& effects) const;
   /// A calibration's parameter: the centre moves there, if not too far, and the bounds with it.
   void move_to(double coordinate);
   /// An effect's parameter: room to go there and to draw about it, as far as the parameter itself goes.

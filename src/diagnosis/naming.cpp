@@ -36,6 +36,14 @@ std::string most_missed(const Model& model, const std::vector<StatisticDeclarati
       ->first;
 }
 
+/// In which these effects show.
+std::vector<std::string> observables_of(const std::vector<std::string>& effects) {
+  std::vector<std::string> list;
+  for (const std::string& name : effects)
+    for (const std::string& observable : find_effect(name)->observables) list.push_back(observable);
+  return list;
+}
+
 }  // namespace
 
 double clear_difference_of(const Eigen::MatrixXd& own) {
@@ -152,14 +160,18 @@ bool Naming::competes(const Model& model) const {
          closed_in_own_units(model, plain_, battery_) > least_to_pass;
 }
 
+/// In an observable that the effects are to change, what is now too much where there was too little is
+/// another law of theirs: how odd the frames are with it, the p-value says.
 Eigen::Index Naming::largest_as_it_was(const Model& model) const {
   const Standard &plain = *plain_.standard, &own = *model.standard;
   const Eigen::VectorXd allowed = model.with_undrawn(plain.discrepancy());
   const Eigen::ArrayXd left = tolerated(model.z, own.deviation(), allowed).array().abs();
-  const Eigen::ArrayXd before = plain_.z.cwiseProduct(plain.deviation()).array().abs(),
-                       after = model.z.cwiseProduct(own.deviation()).array().abs();
+  const Eigen::ArrayXd before = plain_.z.cwiseProduct(plain.deviation()).array(),
+                       after = model.z.cwiseProduct(own.deviation()).array(),
+                       theirs = only_of(observables_of(model.effects), battery_).array();
   const Eigen::Array<bool, Eigen::Dynamic, 1> counts =
-      plain.deviation().array() > 0 && left > clear_difference_of(own.own()) && after > as_it_was * before;
+      plain.deviation().array() > 0 && left > clear_difference_of(own.own()) &&
+      after.abs() > as_it_was * before.abs() && (theirs == 0 || after * before > 0);
   Eigen::Index at = 0;
   return counts.select(left, -1).maxCoeff(&at) > 0 ? at : -1;
 }

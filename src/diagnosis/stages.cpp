@@ -201,6 +201,18 @@ bool images_change_shape(const std::vector<StatisticDeclaration>& battery, const
   return largest(battery, z, shape) > std::max(clear, beside * others);
 }
 
+/// Light in a ring about the sites that is as far out as nothing which the sensor does to a bright pixel
+/// reaches, but what trails behind it on one side.
+bool light_reaches_far(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 15, beside = 0.4, behind = 2;
+  double ring = 0;
+  for (std::size_t k = 0; k < battery.size(); ++k)
+    if (battery[k].name == "light.point_spread.ring.4") ring = z(static_cast<Eigen::Index>(k));
+  const double trailing =
+      largest(battery, z, [](const auto& one) { return !one.darks && one.observable == "trailing_charge"; });
+  return ring > std::max({clear, beside * z.cwiseAbs().maxCoeff(), behind * trailing});
+}
+
 /// Images that get wider along the field: the light that a site's neighbourhood holds slopes with them.
 bool width_follows_field(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 4.5;
@@ -243,7 +255,7 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
     return "scene";
   if (foremost(battery, z, is_smear)) return "sensor";
   if (empty_sites_glow(battery, z)) return sites_remember(battery, z) ? "sensor" : "optics";  // traps' light
-  if (images_change_shape(battery, z)) return "optics";
+  if (images_change_shape(battery, z) || light_reaches_far(battery, z)) return "optics";
   if (both && light_gathers(battery, z)) return "scene";
   if (sites_are_displaced(battery, z)) return field_is_displaced(battery, z) ? "optics" : "scene";
   if (!hypotheses.empty()) {

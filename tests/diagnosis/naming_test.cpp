@@ -157,6 +157,20 @@ TEST_F(Naming, WhatDoesNotPassIsToldWhy) {
   EXPECT_TRUE(objection(0, 0.5).ends_with(" sigma, as it was")) << objection(0, 0.5);
 }
 
+// Hot pixels of another camera have other sizes: fewer small ones than the catalogue's law, not more.
+TEST_F(Naming, WhatTurnsRoundInItsOwnObservableIsAnotherLaw) {
+  Model found = model({"row_noise"}, 1, 0.5);
+  const auto as_it_was = [&](const atomcam::Naming& naming) {
+    return naming.objection(found).ends_with("as it was");
+  };
+  found.z(0) = gap;
+  EXPECT_TRUE(as_it_was(naming()));
+  EXPECT_TRUE(as_it_was(naming_by_observable()));  // in the means of the rows, which are its own
+  found.z(0) = -gap;
+  EXPECT_TRUE(as_it_was(naming()));
+  EXPECT_FALSE(as_it_was(naming_by_observable()));
+}
+
 // As what somebody's camera does may differ from the catalogue's model of it.
 TEST_F(Naming, WhatClosesNearlyAllOfAGapIsNamedInPart) {
   std::vector<Model> models;

@@ -194,9 +194,11 @@ TEST(Stages, ImagesOfAnotherShapeAreOfTheOptics) {
     return stage_of_differences(images, Eigen::Vector4d(shape, noise, noise, trail), {});
   };
   EXPECT_EQ(stage(60, 35, 1), "optics");
-  EXPECT_EQ(stage(60, 45, 1), "sensor");
   EXPECT_EQ(stage(60, 35, 50), "sensor");  // charge that trails
   EXPECT_EQ(stage(12, 7, 1), "sensor");    // crosstalk also does so much
+  EXPECT_EQ(stage(60, 140, 1), "optics");  // much light that far out: its noise comes with it
+  EXPECT_EQ(stage(60, 160, 1), "sensor");
+  EXPECT_EQ(stage(-60, 140, 1), "sensor");  // none is missing where hardly any is
 }
 
 TEST(Stages, BrightnessThatSlopesWithTheWidthOfImagesIsOfTheOptics) {

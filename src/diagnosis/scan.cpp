@@ -75,6 +75,18 @@ Eigen::VectorXd moved_by(const std::vector<Uncertain>& open, Eigen::VectorXd at,
   return at;
 }
 
+using ViewsOfStacks = std::array<Eigen::MatrixXd, scan_views>;  // [stack, statistic]
+
+ViewsOfStacks views_of_stacks(const Standard& standard, const Eigen::MatrixXd& stacks) {
+  ViewsOfStacks views;
+  for (Eigen::MatrixXd& view : views) view.resize(stacks.rows(), stacks.cols());
+  for (Eigen::Index n = 0; n < stacks.rows(); ++n) {
+    const ScanViews seen = views_of(standard, stacks.row(n).transpose());
+    for (std::size_t v = 0; v < scan_views; ++v) views[v].row(n) = seen[v].transpose();
+  }
+  return views;
+}
+
 }  // namespace
 
 ScanViews views_of(const Standard& standard, const Eigen::VectorXd& statistics) {
@@ -124,10 +136,10 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
   const Eigen::Index old = scan.draws.rows();
   scan.draws.conservativeResize(old + stacks, own.cols());
   scan.draws.bottomRows(stacks) = own;
-  for (ScanView& view : scan.view) view.values.conservativeResize(old + stacks, population.whole.cols());
-  for (int n = 0; n < stacks; ++n) {
-    const ScanViews seen = views_of(*before.standard, population.whole.row(n).transpose());
-    for (std::size_t v = 0; v < scan_views; ++v) scan.view[v].values.row(old + n) = seen[v].transpose();
+  const ViewsOfStacks seen = views_of_stacks(*before.standard, population.whole);
+  for (std::size_t v = 0; v < scan_views; ++v) {
+    scan.view[v].values.conservativeResize(old + stacks, population.whole.cols());
+    scan.view[v].values.bottomRows(stacks) = seen[v];
   }
 }
 
@@ -374,19 +386,13 @@ std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t l
 
 std::vector<AddedMatch> match_added(const std::vector<Scan>& scans, const Model& model,
                                     const Standard& standard, const ScanViews& real, int threads) {
-  const Eigen::MatrixXd& stacks = model.population.whole;
+  const ViewsOfStacks seen = views_of_stacks(standard, model.population.whole);
   ScanViews mean, variance;
-  {
-    std::array<Eigen::MatrixXd, scan_views> seen;
-    for (Eigen::MatrixXd& view : seen) view.resize(stacks.cols(), stacks.rows());
-    for (Eigen::Index n = 0; n < stacks.rows(); ++n) {
-      const ScanViews of_stack = views_of(standard, stacks.row(n).transpose());
-      for (std::size_t v = 0; v < scan_views; ++v) seen[v].col(n) = of_stack[v];
-    }
-    for (std::size_t v = 0; v < scan_views; ++v) {
-      mean[v] = seen[v].rowwise().mean();
-      variance[v] = ((seen[v].colwise() - mean[v]).array().square().rowwise().mean() - 1).max(0.0);
-    }
+  for (std::size_t v = 0; v < scan_views; ++v) {
+    mean[v] = seen[v].colwise().mean().transpose();
+    variance[v] = ((seen[v].rowwise() - mean[v].transpose()).array().square().colwise().mean() - 1)
+                      .max(0.0)
+                      .transpose();
   }
   std::vector<AddedMatch> list;
   for (std::size_t k = 0; k < scans.size(); ++k)

@@ -128,57 +128,61 @@ std::vector<Contender> Search::starts() {
   return contenders;
 }
 
-/// One effect, two or three that explain all that is odd.
+/// One effect, two or three that explain all that is odd: more only where fewer do not.
 std::optional<Found> Search::whole() {
-  const Eigen::VectorXd statistics = as_vector(ground_.real.values->whole);
   std::vector<Model> singles = fit_and_judge(starts(), 0.58, 0.75);
   if (const auto named = naming_.choose(singles)) return found(named);
   for (Model& model : fit_and_judge(overlooked(), 0.75, 0.8)) singles.push_back(std::move(model));
   if (const auto named = naming_.choose(singles)) return found(named);
-  // Pairs: those whose fingerprints add up best to the real one, then really simulated.
   if (singles.empty()) return {};
+  Pairs pairs = this->pairs(singles);
+  if (const auto named = naming_.choose(pairs.both_needed)) return found(named);
+  for (Model& model : fit_and_judge(std::move(pairs.needed_alone), 0.95, 1))
+    singles.push_back(std::move(model));
+  if (const auto named = naming_.choose(singles)) return found(named);
+  const Model& either = likeliest(singles);
+  std::erase_if(pairs.undecided,
+                [&](const Model& pair) { return !likelier(pair, either) && !naming_.contradicted(either); });
+  if (const auto named = naming_.choose(pairs.undecided)) return found(named);
+  std::vector<Model> more;
+  if (!pairs.both_needed.empty()) more = triples(likeliest(pairs.both_needed));
+  if (const auto named = naming_.choose(more)) return found(named);
+  std::vector<Model> all;
+  for (auto* models : {&singles, &pairs.both_needed, &more})
+    for (Model& model : *models) all.push_back(std::move(model));
+  return found(naming_.nearest(all));
+}
+
+/// Pairs whose fingerprints add up best to the real one, really simulated.
+Search::Pairs Search::pairs(std::span<Model> singles) {
+  constexpr std::size_t leaders = 4, most = 4;
   const Model& left_alone = likeliest(singles);
-  const std::vector<PairMatch> matches = match_pairs(scans_, 4, seen_, ground_.plan.threads);
+  const std::vector<PairMatch> matches = match_pairs(scans_, leaders, seen_, ground_.plan.threads);
   std::vector<Contender> candidates;
-  for (std::size_t k = 0; k < std::min<std::size_t>(4, matches.size()); ++k)
+  for (std::size_t k = 0; k < std::min(most, matches.size()); ++k)
     // A second effect must speak for itself: many others could soak up a little of what the first leaves.
     if (matches[k].gain >= second_evidence) add_pair(matches[k], candidates);
-  std::vector<Model> pairs, undecided;
-  std::vector<Contender> lone;
   double alone = 1e300;
   for (const Model& model : singles) alone = std::min(alone, model.distance);
+  Pairs pairs;
   for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, alone)) {
     // Strengths of what comes out differently every time are not known well: then likelihood tells, or what
     // one effect cannot be right about.
-    const bool likelier = Rivals(model, left_alone).odds(statistics) > more_odds;
+    const bool better = likelier(model, left_alone);
     const std::vector<std::string> needed = significant(model);
-    if (needed.size() < model.effects.size()) {
-      if (!naming_.passes(model)) continue;
-      // It may be the place that the pair's fit found for one of the two that explains.
-      if (needed.size() == 1)
-        lone.push_back({needed.front() + ", of " + title(model), only(model, needed),
-                        scan_of(needed.front()).best().log_likelihood});
-      if (likelier || naming_.contradicted(left_alone)) undecided.push_back(std::move(model));
+    if (needed.size() == model.effects.size()) {
+      if (model.p_value >= reject_level || (better && leaves_much_less(model, left_alone)))
+        pairs.both_needed.push_back(std::move(model));
       continue;
     }
-    if (model.p_value >= reject_level || (likelier && leaves_much_less(model, left_alone)))
-      pairs.push_back(std::move(model));
+    if (!naming_.passes(model)) continue;
+    // It may be the place that the pair's fit found for one of the two that explains.
+    if (needed.size() == 1)
+      pairs.needed_alone.push_back({needed.front() + ", of " + title(model), only(model, needed),
+                                    scan_of(needed.front()).best().log_likelihood});
+    if (better || naming_.contradicted(left_alone)) pairs.undecided.push_back(std::move(model));
   }
-  if (const auto named = naming_.choose(pairs)) return found(named);
-  for (Model& model : fit_and_judge(std::move(lone), 0.95, 1)) singles.push_back(std::move(model));
-  if (const auto named = naming_.choose(singles)) return found(named);
-  const Model& either = likeliest(singles);
-  std::erase_if(undecided, [&](const Model& model) {
-    return Rivals(model, either).odds(statistics) < more_odds && !naming_.contradicted(either);
-  });
-  if (const auto named = naming_.choose(undecided)) return found(named);
-  std::vector<Model> more;
-  if (!pairs.empty()) more = triples(likeliest(pairs));
-  if (const auto named = naming_.choose(more)) return found(named);
-  std::vector<Model> all;
-  for (auto* models : {&singles, &pairs, &more})
-    for (Model& model : *models) all.push_back(std::move(model));
-  return found(naming_.nearest(all));
+  return pairs;
 }
 
 /// A third effect on top of the pair, by the rule that pairs are judged by, and much likelier: three bend to
@@ -197,14 +201,14 @@ std::vector<Model> Search::triples(const Model& pair) {
   std::vector<Model> list, undecided;
   std::vector<Contender> fewer;
   for (Model& model : fit_and_judge(std::move(candidates), 0.95, 0.98, pair.distance)) {
-    const bool likelier = Rivals(model, pair).odds(as_vector(ground_.real.values->whole)) > more_odds;
+    const bool better = likelier(model, pair);
     const std::vector<std::string> needed = significant(model);
     if (needed.size() == model.effects.size()) {
-      if (likelier && (model.p_value >= reject_level || leaves_much_less(model, pair)))
+      if (better && (model.p_value >= reject_level || leaves_much_less(model, pair)))
         list.push_back(std::move(model));
     } else if (naming_.passes(model)) {
       if (needed.size() == 2) fewer.push_back({title(model) + ", of three", only(model, needed), 0});
-      if (likelier || naming_.contradicted(pair)) undecided.push_back(std::move(model));
+      if (better || naming_.contradicted(pair)) undecided.push_back(std::move(model));
     }
   }
   for (Model& model : fit_and_judge(std::move(fewer), 0.98, 1))
@@ -297,6 +301,11 @@ Model Search::only(const Model& model, const std::vector<std::string>& names) co
     one.open.push_back(std::move(open));
   }
   return one;
+}
+
+/// By so much that there is one effect more.
+bool Search::likelier(const Model& model, const Model& fewer) const {
+  return Rivals(model, fewer).odds(as_vector(ground_.real.values->whole)) > more_odds;
 }
 
 /// Fitted and judged, noted among the hypotheses.

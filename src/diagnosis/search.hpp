@@ -1,9 +1,10 @@
 #pragma once
-// Which effect, or which two, explain a gap: a scan of the catalogue, closer looks at what it speaks for,
-// fits by simulation from several starts, and the verdict on what they come to.
+// Which effect, or which two or three, explain a gap: a scan of the catalogue, closer looks at what it speaks
+// for, fits by simulation from several starts, and the verdict on what they come to.
 
 #include <array>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -47,6 +48,11 @@ class Search {
 
  private:
   std::optional<Found> whole();
+  struct Pairs {
+    std::vector<Model> both_needed, undecided;
+    std::vector<Contender> needed_alone;  // one of two, about where the pair has it
+  };
+  Pairs pairs(std::span<Model> singles);
   std::vector<Model> triples(const Model& pair);
   std::optional<Found> in_part();
 
@@ -64,6 +70,7 @@ class Search {
   double closed_by_rival(const Scan& scan, const Model& model, const Eigen::VectorXd& own);
   Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about);
   Model only(const Model& model, const std::vector<std::string>& names) const;
+  bool likelier(const Model& model, const Model& fewer) const;
   void note(const Model& model, double evidence);
 
   SearchGround ground_;

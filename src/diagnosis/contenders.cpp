@@ -80,7 +80,7 @@ class Race {
         break;
       }
       progress_(title(contenders_[k].model), 0.4 + 0.1 * static_cast<double>(k));
-      go_on(contenders_[k], more_rounds, "fit 2/");
+      follow(contenders_[k]);
       const bool several = contenders_[k].model.effects.size() > 1;
       if (several && contenders_[k].model.distance >= distance) try_second_start(contenders_[k]);
       ends_[contenders_[k].model.effects] = contenders_[k].model.nearest;
@@ -97,7 +97,7 @@ class Race {
     const auto second = second_starts_.find(nearest.effects);
     if (second == second_starts_.end() || second->second.model.distance > no_better * nearest.distance)
       return nullptr;
-    if (followed_.insert(nearest.effects).second) go_on(second->second, more_rounds, "fit 2/");
+    if (followed_.insert(nearest.effects).second) follow(second->second);
     return &second->second;
   }
 
@@ -117,6 +117,14 @@ class Race {
   void try_second_start(Contender& stuck) {
     Contender* second = second_start(stuck.model);
     if (second && second->model.distance < stuck.model.distance) std::swap(stuck, *second);
+  }
+  void follow(Contender& contender) {
+    go_on(contender, more_rounds, "fit 2/");
+    if (!contender.lets_go) return;
+    contender.lets_go = false;
+    for (auto* parameters : {&contender.model.open, &contender.model.nearest})
+      for (Uncertain& one : *parameters) one.held = false;
+    go_on(contender, first_rounds, "fit 4/");
   }
   void go_on(Contender& contender, int rounds, const std::string& step) {
     fit(contender.model, ground_, rounds, plan_, numbers_of(step + contender.name));
@@ -155,14 +163,7 @@ bool calibrates_elsewhere(const Model& model) {
 /// The model about where judging it has led, its effects alone or its calibration as well.
 Model about_estimate(const Model& model, bool calibration) {
   constexpr double farthest = 4;  // widths
-  Model moved;
-  moved.effects = model.effects;
-  moved.lab = model.lab;
-  moved.open = model.open;
-  moved.first_effect_parameter = model.first_effect_parameter;
-  moved.explains = model.explains;
-  moved.distance = model.distance;
-  moved.nearest = model.nearest;
+  Model moved = model.unjudged();
   for (Eigen::Index k = model.first_effect_parameter; k < std::ssize(moved.open); ++k) {
     Uncertain& one = moved.open[static_cast<std::size_t>(k)];
     const double way =
@@ -216,7 +217,8 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
   std::vector<double> closed;
   double likeliest = -1e300;
   for (std::size_t k = 0; k < contenders.size(); ++k) {
-    auto& [name, model, evidence] = contenders[k];
+    const std::string& name = contenders[k].name;
+    Model& model = contenders[k].model;
     double from = 0.7 + 0.1 * static_cast<double>(k), part = 0.05;
     const auto judged = [&](Model one, const std::string& number, bool calibrated) {
       if (!calibrated) recalibrate(one, ground.real, plan, numbers_of("calibration" + number));

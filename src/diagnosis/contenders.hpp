@@ -19,7 +19,8 @@ inline constexpr double reject_level = 0.01;  // p-value: a fitted model below i
 struct Contender {
   std::string name;  // of the model and the start: seeds
   Model model;
-  double evidence = 0;  // how promising it looked, logarithm
+  double evidence = 0;   // how promising it looked, logarithm
+  bool lets_go = false;  // of the parameters that are held, once the others are fitted
 };
 
 /// Where the fits of each combination of effects came nearest: all open parameters.

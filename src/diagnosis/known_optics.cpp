@@ -27,15 +27,36 @@ void start_at_field_focus(Model& model, const FieldFocus& field, const Calibrati
   hold_zernikes(model, field.zernike_um, calibration);
 }
 
+namespace {
+
+/// Calls take(parameter, by how much it is more than calibrated) of the Zernike terms.
+template <class Open, class Take>
+void for_each_zernike(Open& open, const std::array<double, zernike_terms>& zernike_um,
+                      const Calibration& calibration, const Take& take) {
+  for (auto& one : open)
+    for (std::size_t term = first_fitted_zernike; term < zernike_terms; ++term)
+      if (one.name == fmt::format("zernike_{}", zernike_catalogue()[term].key))
+        take(one, zernike_um[term] - calibration.optics.zernike_um[term]);
+}
+
+}  // namespace
+
 void hold_zernikes(Model& model, const std::array<double, zernike_terms>& zernike_um,
                    const Calibration& calibration) {
-  for (Uncertain& one : model.open)
-    for (std::size_t term = first_fitted_zernike; term < zernike_terms; ++term)
-      if (one.name == fmt::format("zernike_{}", zernike_catalogue()[term].key)) {
-        // Calibration errs a little: by how much, the model knows.
-        one.move_to(one.centre + zernike_um[term] - calibration.optics.zernike_um[term]);
-        one.held = true;
-      }
+  for_each_zernike(model.open, zernike_um, calibration, [](Uncertain& one, double more) {
+    one.move_to(one.centre + more);  // calibration errs a little: by how much, the model knows
+    one.held = true;
+  });
+}
+
+bool are_others(const Model& model, const std::array<double, zernike_terms>& zernike_um,
+                const Calibration& calibration) {
+  constexpr double clearly = 3;  // widths
+  bool any = false;
+  for_each_zernike(model.open, zernike_um, calibration, [&any](const Uncertain& one, double more) {
+    any = any || std::fabs(more) > clearly * one.width;
+  });
+  return any;
 }
 
 std::array<double, zernike_terms> zernikes_of_moving_image(const Calibration& calibration,

@@ -9,6 +9,18 @@
 #include "simulation/parallel.hpp"
 
 namespace atomcam {
+Model Model::unjudged() const {
+  Model same;
+  same.effects = effects;
+  same.lab = lab;
+  same.open = open;
+  same.first_effect_parameter = first_effect_parameter;
+  same.explains = explains;
+  same.distance = distance;
+  same.nearest = nearest;
+  return same;
+}
+
 Lab Model::fitted_lab() const {
   if (estimate.size()) return lab_at(estimate);
   Eigen::VectorXd centres(static_cast<Eigen::Index>(open.size()));

@@ -38,6 +38,8 @@ struct Model {
   double log_likelihood = 0;        // of the real stack's battery
   double usual_log_likelihood = 0;  // mean of those of its own stacks
 
+  /// The same, as if not judged.
+  Model unjudged() const;
   /// The lab at the fitted values.
   Lab fitted_lab() const;
   /// The lab with the open parameters at these coordinates.

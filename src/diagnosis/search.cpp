@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "diagnosis/gap_closed.hpp"
 #include "diagnosis/known_optics.hpp"
@@ -279,9 +280,7 @@ Model Search::with(const Model& before, const Scan& scan, const Eigen::VectorXd&
     start_at_field_focus(model, *field_focus_, calibration);
   }
   if (scan.effect->name == wandering_effect) {
-    if (!moving_zernikes_)
-      moving_zernikes_ = zernikes_of_moving_image(calibration, ground_.frames, ground_.plan.threads);
-    hold_zernikes(model, *moving_zernikes_, calibration);
+    hold_zernikes(model, moving_zernikes(), calibration);
   }
   return model;
 }
@@ -314,6 +313,7 @@ std::vector<Model> Search::fit_and_judge(std::vector<Contender> contenders, doub
   const auto progress = [&](std::string_view step, double done) {
     if (ground_.progress) ground_.progress(step, from + done * (to - from));
   };
+  add_starts_of_shaking(contenders);
   std::vector<Model> judged;
   for (Contender& one : fitted_and_judged(std::move(contenders), {&ground_.plain, ground_.real},
                                           ground_.battery, alone, ground_.plan, progress, ends_)) {
@@ -321,6 +321,33 @@ std::vector<Model> Search::fit_and_judge(std::vector<Contender> contenders, doub
     judged.push_back(std::move(one.model));
   }
   return judged;
+}
+
+/// Of images that shake from frame to frame, another start of the first of each combination of effects, with
+/// the optics that they have then: optics that make up for a shaking in a wrong direction keep it there.
+void Search::add_starts_of_shaking(std::vector<Contender>& contenders) {
+  const Calibration& calibration = *ground_.real.calibration;
+  std::set<std::vector<std::string>> seen;
+  for (std::size_t k = 0, count = contenders.size(); k < count; ++k) {
+    const std::vector<std::string>& effects = contenders[k].model.effects;
+    const auto has = [&](std::string_view name) {
+      return std::find(effects.begin(), effects.end(), name) != effects.end();
+    };
+    if (!has(shaking_effect) || has(wandering_effect) || !seen.insert(effects).second ||
+        !are_others(ground_.plain, moving_zernikes(), calibration))
+      continue;
+    Contender start{contenders[k].name + ", optics held", contenders[k].model.unjudged(),
+                    contenders[k].evidence, true};
+    hold_zernikes(start.model, moving_zernikes(), calibration);
+    contenders.push_back(std::move(start));
+  }
+}
+
+const std::array<double, zernike_terms>& Search::moving_zernikes() {
+  if (!moving_zernikes_)
+    moving_zernikes_ =
+        zernikes_of_moving_image(*ground_.real.calibration, ground_.frames, ground_.plan.threads);
+  return *moving_zernikes_;
 }
 
 void Search::note(const Model& model, double evidence) {

@@ -67,6 +67,8 @@ class Search {
                                    double alone = 1e300);
   std::vector<Model> fit_in_part(const Scan& scan, const PartMatch& match,
                                  const std::vector<std::string>& observables);
+  void add_starts_of_shaking(std::vector<Contender>& contenders);
+  const std::array<double, zernike_terms>& moving_zernikes();
   double closed_by_rival(const Scan& scan, const Model& model, const Eigen::VectorXd& own);
   Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about);
   Model only(const Model& model, const std::vector<std::string>& names) const;

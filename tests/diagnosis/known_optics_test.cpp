@@ -46,5 +46,20 @@ TEST(KnownOptics, ZernikeTermsComeFromTheSitesAndAreHeld) {
   EXPECT_FALSE(model.open[effect].held);
 }
 
+TEST(KnownOptics, TermsAreOthersWhereOneIsClearlyNotAsCalibrated) {
+  Calibration calibration;
+  Model model;
+  Uncertain defocus;
+  defocus.name = fmt::format("zernike_{}", zernike_catalogue()[first_fitted_zernike].key);
+  defocus.width = 0.01;
+  model.open.push_back(defocus);
+  std::array<double, zernike_terms> zernike_um = calibration.optics.zernike_um;
+  EXPECT_FALSE(are_others(model, zernike_um, calibration));
+  zernike_um[first_fitted_zernike] -= 0.02;
+  EXPECT_FALSE(are_others(model, zernike_um, calibration));
+  zernike_um[first_fitted_zernike] -= 0.02;
+  EXPECT_TRUE(are_others(model, zernike_um, calibration));
+}
+
 }  // namespace
 }  // namespace atomcam

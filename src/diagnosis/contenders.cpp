@@ -48,10 +48,11 @@ class Race {
       const auto same = [&](const Contender& other) { return other.model.effects == one.model.effects; };
       const int look = std::any_of(before.begin(), before.end(), same) ? 1 : 2;
       go_on(one, look, "fit 0/");
-      const bool hopeless = std::any_of(before.begin(), before.end(), [&](const Contender& other) {
-        return other.model.distance < like_own &&
-               one.model.distance > (same(other) ? no_better : too_far) * other.model.distance;
-      });
+      const bool hopeless =
+          !one.lets_go && std::any_of(before.begin(), before.end(), [&](const Contender& other) {
+            return other.model.distance < like_own &&
+                   one.model.distance > (same(other) ? no_better : too_far) * other.model.distance;
+          });
       if (!hopeless) go_on(one, first_rounds - look, "fit 1/");
     }
     sort();
@@ -102,7 +103,17 @@ class Race {
   }
 
  private:
+  /// Of each combination of effects the nearest start; the next one is kept aside. What could not follow the
+  /// others to where it makes up for them goes first if it is about as near.
   void keep_nearest_starts() {
+    std::map<std::vector<std::string>, double> nearest_of;
+    for (const Contender& one : contenders_) nearest_of.try_emplace(one.model.effects, one.model.distance);
+    std::stable_sort(contenders_.begin(), contenders_.end(), [&](const Contender& a, const Contender& b) {
+      const auto first = [&](const Contender& one) {
+        return one.lets_go && one.model.distance <= no_better * nearest_of.at(one.model.effects);
+      };
+      return first(a) > first(b);
+    });
     std::set<std::vector<std::string>> seen;
     std::vector<Contender> nearest;
     for (Contender& one : contenders_)
@@ -111,6 +122,7 @@ class Race {
       else
         second_starts_.try_emplace(one.model.effects, std::move(one));
     contenders_ = std::move(nearest);
+    sort();
   }
   /// Where no round has come nearer, the start was in a valley of its own: of several effects each can make
   /// up for a little of what another gets wrong.

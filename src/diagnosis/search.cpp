@@ -324,7 +324,8 @@ std::vector<Model> Search::fit_and_judge(std::vector<Contender> contenders, doub
 }
 
 /// Of images that shake from frame to frame, another start of the first of each combination of effects, with
-/// the optics that they have then: optics that make up for a shaking in a wrong direction keep it there.
+/// the optics that they have then: beside another effect, optics that make up for a shaking in a wrong
+/// direction keep it there.
 void Search::add_starts_of_shaking(std::vector<Contender>& contenders) {
   const Calibration& calibration = *ground_.real.calibration;
   std::set<std::vector<std::string>> seen;
@@ -333,7 +334,7 @@ void Search::add_starts_of_shaking(std::vector<Contender>& contenders) {
     const auto has = [&](std::string_view name) {
       return std::find(effects.begin(), effects.end(), name) != effects.end();
     };
-    if (!has(shaking_effect) || has(wandering_effect) || !seen.insert(effects).second ||
+    if (effects.size() < 2 || !has(shaking_effect) || has(wandering_effect) || !seen.insert(effects).second ||
         !are_others(ground_.plain, moving_zernikes(), calibration))
       continue;
     Contender start{contenders[k].name + ", optics held", contenders[k].model.unjudged(),

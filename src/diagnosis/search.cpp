@@ -330,15 +330,14 @@ void Search::add_starts_of_shaking(std::vector<Contender>& contenders) {
   const Calibration& calibration = *ground_.real.calibration;
   std::set<std::vector<std::string>> seen;
   for (std::size_t k = 0, count = contenders.size(); k < count; ++k) {
-    const std::vector<std::string>& effects = contenders[k].model.effects;
-    const auto has = [&](std::string_view name) {
-      return std::find(effects.begin(), effects.end(), name) != effects.end();
-    };
-    if (effects.size() < 2 || !has(shaking_effect) || has(wandering_effect) || !seen.insert(effects).second ||
+    const Model& model = contenders[k].model;
+    const bool shakes =
+        std::find(model.effects.begin(), model.effects.end(), shaking_effect) != model.effects.end();
+    const bool held = std::any_of(model.open.begin(), model.open.end(), [](auto& one) { return one.held; });
+    if (!shakes || held || model.effects.size() < 2 || !seen.insert(model.effects).second ||
         !are_others(ground_.plain, moving_zernikes(), calibration))
       continue;
-    Contender start{contenders[k].name + ", optics held", contenders[k].model.unjudged(),
-                    contenders[k].evidence, true};
+    Contender start{contenders[k].name + ", optics held", model.unjudged(), contenders[k].evidence, true};
     hold_zernikes(start.model, moving_zernikes(), calibration);
     contenders.push_back(std::move(start));
   }

@@ -106,21 +106,20 @@ class Race {
   /// Of each combination of effects the nearest start; the next one is kept aside. What could not follow the
   /// others to where it makes up for them goes first if it is about as near.
   void keep_nearest_starts() {
-    std::map<std::vector<std::string>, double> nearest_of;
-    for (const Contender& one : contenders_) nearest_of.try_emplace(one.model.effects, one.model.distance);
-    std::stable_sort(contenders_.begin(), contenders_.end(), [&](const Contender& a, const Contender& b) {
-      const auto first = [&](const Contender& one) {
-        return one.lets_go && one.model.distance <= no_better * nearest_of.at(one.model.effects);
-      };
-      return first(a) > first(b);
-    });
-    std::set<std::vector<std::string>> seen;
     std::vector<Contender> nearest;
-    for (Contender& one : contenders_)
-      if (seen.insert(one.model.effects).second)
+    for (Contender& one : contenders_) {
+      const auto same = std::find_if(nearest.begin(), nearest.end(), [&](const Contender& other) {
+        return other.model.effects == one.model.effects;
+      });
+      if (same == nearest.end()) {
         nearest.push_back(std::move(one));
-      else
-        second_starts_.try_emplace(one.model.effects, std::move(one));
+      } else if (one.lets_go && one.model.distance <= no_better * same->model.distance) {
+        std::swap(one, *same);
+        second_starts_.insert_or_assign(same->model.effects, std::move(one));
+      } else {
+        second_starts_.try_emplace(same->model.effects, std::move(one));
+      }
+    }
     contenders_ = std::move(nearest);
     sort();
   }
@@ -235,8 +234,7 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
     const auto judged = [&](Model one, const std::string& number, bool calibrated) {
       if (!calibrated) recalibrate(one, ground.real, plan, numbers_of("calibration" + number));
       // A point-spread function per site leaves no time for many optical systems.
-      if (std::find(one.effects.begin(), one.effects.end(), field_focus_effect) != one.effects.end())
-        leave_undrawn(one, *ground.plain);
+      if (one.has(field_focus_effect)) leave_undrawn(one, *ground.plain);
       judge(one, *ground.real.values, judged_stacks, plan, numbers_of("judge" + number), ground.plain,
             [&](int done) {
               progress(title(one), from + part * std::min(1.0, static_cast<double>(done) / judged_stacks));

@@ -16,6 +16,14 @@ inline bool has(const StatisticDeclaration& one, std::string_view part) {
   return one.name.find(part) != std::string::npos;
 }
 
+/// The deviation of the statistic of this name, with its sign; 0 if there is none.
+inline double deviation_of(std::string_view name, const std::vector<StatisticDeclaration>& battery,
+                           const Eigen::VectorXd& z) {
+  for (std::size_t k = 0; k < battery.size(); ++k)
+    if (battery[k].name == name) return z(static_cast<Eigen::Index>(k));
+  return 0;
+}
+
 /// The largest deviation of the statistics for which `counts` says so.
 template <class Counts>
 double largest(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,

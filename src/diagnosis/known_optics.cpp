@@ -11,6 +11,19 @@
 #include "optics/zernike.hpp"
 
 namespace atomcam {
+namespace {
+
+/// Calls take(parameter, by how much it is more than calibrated) of the Zernike terms.
+template <class Open, class Take>
+void for_each_zernike(Open& open, const std::array<double, zernike_terms>& zernike_um,
+                      const Calibration& calibration, const Take& take) {
+  for (auto& one : open)
+    for (std::size_t term = first_fitted_zernike; term < zernike_terms; ++term)
+      if (one.name == fmt::format("zernike_{}", zernike_catalogue()[term].key))
+        take(one, zernike_um[term] - calibration.optics.zernike_um[term]);
+}
+
+}  // namespace
 
 void start_at_field_focus(Model& model, const FieldFocus& field, const Calibration& calibration) {
   const double tilt_um = std::hypot(field.x_um, field.y_um);
@@ -26,20 +39,6 @@ void start_at_field_focus(Model& model, const FieldFocus& field, const Calibrati
       one.centre = std::clamp(one.coordinate_of(found->second), one.lowest, one.highest);
   hold_zernikes(model, field.zernike_um, calibration);
 }
-
-namespace {
-
-/// Calls take(parameter, by how much it is more than calibrated) of the Zernike terms.
-template <class Open, class Take>
-void for_each_zernike(Open& open, const std::array<double, zernike_terms>& zernike_um,
-                      const Calibration& calibration, const Take& take) {
-  for (auto& one : open)
-    for (std::size_t term = first_fitted_zernike; term < zernike_terms; ++term)
-      if (one.name == fmt::format("zernike_{}", zernike_catalogue()[term].key))
-        take(one, zernike_um[term] - calibration.optics.zernike_um[term]);
-}
-
-}  // namespace
 
 void hold_zernikes(Model& model, const std::array<double, zernike_terms>& zernike_um,
                    const Calibration& calibration) {

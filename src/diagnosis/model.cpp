@@ -9,6 +9,10 @@
 #include "simulation/parallel.hpp"
 
 namespace atomcam {
+bool Model::has(std::string_view effect) const {
+  return std::find(effects.begin(), effects.end(), effect) != effects.end();
+}
+
 Model Model::unjudged() const {
   Model same;
   same.effects = effects;

@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "diagnosis/evidence.hpp"
@@ -38,6 +39,8 @@ struct Model {
   double log_likelihood = 0;        // of the real stack's battery
   double usual_log_likelihood = 0;  // mean of those of its own stacks
 
+  /// Whether this is one of its effects.
+  bool has(std::string_view effect) const;
   /// The same, as if not judged.
   Model unjudged() const;
   /// The lab at the fitted values.

@@ -98,12 +98,10 @@ std::vector<const EffectDeclaration*> candidates(const Model& before,
   std::vector<const EffectDeclaration*> list;
   const CameraKind kind = before.lab.kind();
   const bool sites = !before.lab.scene.sites.empty();
-  const auto has = [](const std::vector<std::string>& names, const std::string& name) {
-    return std::find(names.begin(), names.end(), name) != names.end();
-  };
   for (const EffectDeclaration& effect : effect_catalogue()) {
     if (!effect.on(kind)) continue;
-    if (has(excluded, effect.name) || has(before.effects, effect.name)) continue;
+    if (before.has(effect.name) || std::find(excluded.begin(), excluded.end(), effect.name) != excluded.end())
+      continue;
     if (before.lab.effects.contains(effect.name)) continue;  // the notes have it
     if (!sites && effect.plane == Plane::scene) continue;
     list.push_back(&effect);
@@ -396,9 +394,7 @@ std::vector<AddedMatch> match_added(const std::vector<Scan>& scans, const Model&
   }
   std::vector<AddedMatch> list;
   for (std::size_t k = 0; k < scans.size(); ++k)
-    if (const auto& has = model.effects;
-        std::find(has.begin(), has.end(), scans[k].effect->name) == has.end())
-      list.push_back({k, {}, -std::numeric_limits<double>::infinity()});
+    if (!model.has(scans[k].effect->name)) list.push_back({k, {}, -std::numeric_limits<double>::infinity()});
   parallel_for(static_cast<int>(list.size()), threads, 1, [&](int n) {
     AddedMatch& added = list[static_cast<std::size_t>(n)];
     const Scan& scan = scans[added.scan];

@@ -279,9 +279,7 @@ Model Search::with(const Model& before, const Scan& scan, const Eigen::VectorXd&
                                      ground_.plan.threads);
     start_at_field_focus(model, *field_focus_, calibration);
   }
-  if (scan.effect->name == wandering_effect) {
-    hold_zernikes(model, moving_zernikes(), calibration);
-  }
+  if (scan.effect->name == wandering_effect) hold_zernikes(model, moving_zernikes(), calibration);
   return model;
 }
 
@@ -331,11 +329,9 @@ void Search::add_starts_of_shaking(std::vector<Contender>& contenders) {
   std::set<std::vector<std::string>> seen;
   for (std::size_t k = 0, count = contenders.size(); k < count; ++k) {
     const Model& model = contenders[k].model;
-    const bool shakes =
-        std::find(model.effects.begin(), model.effects.end(), shaking_effect) != model.effects.end();
     const bool held = std::any_of(model.open.begin(), model.open.end(), [](auto& one) { return one.held; });
-    if (!shakes || held || model.effects.size() < 2 || !seen.insert(model.effects).second ||
-        !are_others(ground_.plain, moving_zernikes(), calibration))
+    if (!model.has(shaking_effect) || held || model.effects.size() < 2 ||
+        !seen.insert(model.effects).second || !are_others(ground_.plain, moving_zernikes(), calibration))
       continue;
     Contender start{contenders[k].name + ", optics held", model.unjudged(), contenders[k].evidence, true};
     hold_zernikes(start.model, moving_zernikes(), calibration);

@@ -76,9 +76,7 @@ bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen
   const double level = largest(battery, z, [&](const auto& one) {
     return !one.darks && (has(one, ".frames.level.") || has(one, ".frames.linear_level."));
   });
-  const auto of = [&](std::string_view name) {
-    return largest(battery, z, [&](const auto& one) { return one.name == name; });
-  };
+  const auto of = [&](std::string_view name) { return std::fabs(deviation_of(name, battery, z)); };
   const double noise =
       largest(battery, z, [&](const auto& one) { return !one.darks && has(one, ".frames.noise."); });
   const bool with_noise = noise > std::max(clear, 0.3 * level),
@@ -155,9 +153,7 @@ bool empty_sites_glow(const std::vector<StatisticDeclaration>& battery, const Ei
   const auto of_the_empty = [](const auto& one) {
     return one.name == "light.sites.empty.mean" || has(one, ".sites.histogram.");
   };
-  double glow = 0;
-  for (std::size_t k = 0; k < battery.size(); ++k)
-    if (battery[k].name == "light.sites.empty.mean") glow = z(static_cast<Eigen::Index>(k));
+  const double glow = deviation_of("light.sites.empty.mean", battery, z);
   return glow > clear &&
          largest(battery, z, [&](const auto& one) { return !of_the_empty(one); }) < beside * glow;
 }
@@ -165,9 +161,7 @@ bool empty_sites_glow(const std::vector<StatisticDeclaration>& battery, const Ei
 /// Empty sites glow more where an atom was in the frame before: the sensor remembers.
 bool sites_remember(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 5;
-  for (std::size_t k = 0; k < battery.size(); ++k)
-    if (battery[k].name == "light.sites.memory.afterglow") return z(static_cast<Eigen::Index>(k)) > clear;
-  return false;
+  return deviation_of("light.sites.memory.afterglow", battery, z) > clear;
 }
 
 /// Whether sites hold an atom more or less often than others: loading. The light's noise over the frame
@@ -205,9 +199,7 @@ bool images_change_shape(const std::vector<StatisticDeclaration>& battery, const
 /// reaches, but what trails behind it on one side.
 bool light_reaches_far(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 15, beside = 0.4, behind = 2;
-  double ring = 0;
-  for (std::size_t k = 0; k < battery.size(); ++k)
-    if (battery[k].name == "light.point_spread.ring.4") ring = z(static_cast<Eigen::Index>(k));
+  const double ring = deviation_of("light.point_spread.ring.4", battery, z);
   const double trailing =
       largest(battery, z, [](const auto& one) { return !one.darks && one.observable == "trailing_charge"; });
   return ring > std::max({clear, beside * z.cwiseAbs().maxCoeff(), behind * trailing});

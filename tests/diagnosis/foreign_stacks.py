@@ -663,6 +663,37 @@ def thermal_motion(s, k):
     s.scatter = 0.2 * k
 
 
+@effect("scene", listed=False)
+def uneven_survival(s, k):
+    """Traps at one side of the array are shallower, and atoms leave them sooner."""
+    lost = np.clip(0.12 * k * (1 + s.field()[0]), 0, 0.9)
+
+    def lose(light, dark):
+        at = s.rng.exponential(1, light.shape) / -np.log1p(-np.maximum(lost, 1e-9))
+        return np.minimum(light, at)
+
+    s.on("light", lose)
+
+
+@effect("scene", listed=False)
+def extra_traps(s, k):
+    """Atoms are held between the sites as well, now and then."""
+    images = None
+    share = s.rng.uniform(0.05, 0.1) * k
+
+    def add(mean, dark):
+        nonlocal images
+        if dark:
+            return mean
+        if images is None:
+            fine = np.roll(s.site_images(), int(round(0.5 * s.spacing * FINE)), (1, 2))
+            images = s.binned(fine).reshape(s.sites, -1)
+        here = (s.rng.random((len(mean), s.sites)) < share).astype(np.float32)
+        return mean + s.electrons_per_atom * (here @ images).reshape(mean.shape)
+
+    s.on("mean", add)
+
+
 @effect("optics", listed=False)
 def ghost_image(s, k):
     def ghost(mean, dark):
@@ -803,6 +834,30 @@ def rolling_flicker(s, k):
     phase = s.rng.random(s.count)[:, None, None]
 
     s.on("mean", lambda mean, dark: mean if dark else mean * (1 + 0.08 * k * np.sin(2 * np.pi * (rows + phase))))
+
+
+@effect("optics", listed=False)
+def focus_drift(s, k):
+    """The images get wider from the first frame to the last."""
+    width = 0.6 * k * np.linspace(0, 1, s.count)
+    state = {"n": 0}
+
+    def blur(fine, dark):
+        sigma = width[state["n"] % s.count] * FINE
+        state["n"] += 1
+        f = np.fft.fftfreq(fine.shape[0])
+        fx, fy = np.meshgrid(f, f)
+        return np.fft.ifft2(np.fft.fft2(fine) * np.exp(-2 * np.pi**2 * sigma**2 * (fx**2 + fy**2))).real
+
+    s.on("fine", blur)
+
+
+@effect("optics", listed=False)
+def stray_light_drift(s, k):
+    """A lamp that warms up: stray light alone, and slowly."""
+    level = 1 + 0.15 * k * np.linspace(-1, 1, s.count)[:, None, None]
+
+    s.on("mean", lambda mean, dark: mean if dark else mean + s.stray * s.background * (level - 1))
 
 
 @effect("sensor", listed=False)
@@ -971,6 +1026,70 @@ def brighter_fatter(s, k):
         return np.maximum(0, out)
 
     s.on("mean", spread)
+
+
+@effect("sensor", "emccd", listed=False)
+def em_gain_flicker(s, k):
+    """The register's voltage is another one in every frame."""
+
+    def flicker(signal, dark):
+        return signal * np.maximum(0.1, 1 + 0.04 * k * s.rng.normal(0, 1, (len(signal), 1, 1)))
+
+    s.on("signal", flicker)
+
+
+@effect("sensor", listed=False)
+def clipped_signal(s, k):
+    """Charge beyond what a pixel or the register holds is lost."""
+
+    def clip(signal, dark):
+        if dark:
+            return signal
+        return np.minimum(signal, np.quantile(signal, 1 - 0.0015 * k))
+
+    s.on("signal", clip)
+
+
+@effect("sensor", listed=False)
+def warming_sensor(s, k):
+    """Dark charge that grows while frames are taken."""
+
+    def warm(mean, dark):
+        return mean + 0.03 * k * np.linspace(0, 1, len(mean))[:, None, None]
+
+    s.on("mean", warm)
+
+
+@effect("sensor", listed=False)
+def noisier_half(s, k):
+    """From the middle of the stack on the electronics are noisier."""
+
+    def noise(counts, dark):
+        later = np.arange(len(counts)) >= len(counts) // 2
+        extra = s.read_noise * np.sqrt((1 + 0.1 * k) ** 2 - 1)
+        return counts + later[:, None, None] * s.rng.normal(0, extra, counts.shape)
+
+    s.on("counts", noise)
+
+
+@effect("sensor", listed=False)
+def dead_pixels(s, k):
+    """Some pixels hardly respond."""
+    s.response[s.rng.random(s.response.shape) < 0.006 * k] = 0.2
+
+
+@effect("sensor", listed=False)
+def lost_packets(s, k):
+    """Some rows of a frame never arrive, and read zero."""
+
+    def lose(counts, dark):
+        for n in range(len(counts)):
+            if s.rng.random() < 0.04 * k:
+                row = s.rng.integers(0, s.size - 4)
+                counts[n, row : row + 4] = 0
+        return counts
+
+    s.on("counts", lose)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

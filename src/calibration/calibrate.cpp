@@ -349,6 +349,12 @@ class Calibrator {
     return stack_model(result_.lab, point_spread_ ? &*point_spread_ : nullptr);
   }
 
+  /// Whether the light's noise, in units of what the notes' gain gives it, cannot be that of their camera.
+  /// Frames that were damaged on the way have noise that says nothing: its error is large.
+  static bool excluded(double ratio, double error) {
+    return ratio - 3 * error > 10 || ratio + 3 * error < 0.1;
+  }
+
   /// Gain from light: the temporal variance of what the sites' least-squares fit leaves over.
   void refine_gain() {
     tell("gain", 0.6);
@@ -364,7 +370,7 @@ class Calibrator {
       const std::string what =
           fmt::format("light varies {:.3g} times as much as {:.3g} counts per electron say", ratio,
                       counts_per_electron());
-      if (!input_.like && (ratio > 10 || ratio < 0.1))
+      if (!input_.like && excluded(ratio, ratio_error))
         throw Error(notes_.place + ": settings",
                     what + ": notes of another camera or other settings?" +
                         (emccd() || input_.darks ? ""
@@ -492,7 +498,7 @@ class Calibrator {
   void take_gain_of(const FlatLevel& level) {
     const double ratio = level.variance_counts / (level.signal_counts * counts_per_electron() * excess());
     const double ratio_error = ratio * level.variance_error / level.variance_counts;
-    if (!input_.like && (ratio > 10 || ratio < 0.1))
+    if (!input_.like && excluded(ratio, ratio_error))
       throw Error(notes_.place + ": settings",
                   fmt::format("light varies {:.3g} times as much as {:.3g} counts per electron say: notes of "
                               "another camera or other settings?",

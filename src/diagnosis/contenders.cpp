@@ -24,6 +24,7 @@ constexpr double comfortable = 0.05;  // p-value: below it there may be a better
 constexpr double worthwhile = 0.9;    // of the plain model's distance: farther away is not followed up
 constexpr double far_away = 1.4;      // nothing at this distance has ever closed two thirds of a gap
 constexpr double beyond_doubt = 30;   // of the logarithmic likelihood, behind the likeliest
+constexpr double out_of_reach = 100;  // likewise, behind one that explains the frames
 constexpr double reachable = 3;       // nothing farther away has come near in still more rounds
 
 /// Distance from which on a model is hopelessly behind the nearest.
@@ -226,7 +227,7 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
   race.first(alone);
   race.follow_up();
   std::vector<double> closed;
-  double likeliest = -1e300;
+  double likeliest = -1e300, explaining = -1e300;
   for (std::size_t k = 0; k < contenders.size(); ++k) {
     const std::string& name = contenders[k].name;
     Model& model = contenders[k].model;
@@ -247,7 +248,7 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
     std::vector<Judged> looks;
     // Near, and not quite there: as many stacks show the way better than the few of a fit's round.
     const auto near = [&](const Judged& look) {
-      return look.model.p_value < comfortable &&
+      return look.model.p_value < comfortable && look.model.log_likelihood > explaining - out_of_reach &&
              (look.closed > least_to_pass || differs_as_own_stacks(look.model, *ground.plain, battery));
     };
     const auto look_from = [&](Model start, const std::string& start_name) {
@@ -271,7 +272,9 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
     Judged& best = best_of(looks);
     closed.push_back(best.closed);
     model = std::move(best.model);
-    if (closed.back() > least_to_pass) likeliest = std::max(likeliest, model.log_likelihood);
+    if (closed.back() < least_to_pass) continue;
+    likeliest = std::max(likeliest, model.log_likelihood);
+    if (model.oddest >= comfortable) explaining = std::max(explaining, model.log_likelihood);
   }
   // What will not be named needs no errors.
   for (std::size_t k = 0; k < contenders.size(); ++k)

@@ -72,6 +72,27 @@ class LineResponse {
   std::vector<double> product_, norm_;
 };
 
+/// How much farther off its share a site's oddest pixel is than the pixels around it are, in deviations of
+/// its noise. A change of the image's shape does this to every site, a pixel that hardly answers to one.
+double loneliest(const std::vector<double>& deviation, const PackedSite& packed) {
+  const auto at = [&](int r, int c) {
+    return r < 0 || c < 0 || r >= packed.rows || c >= packed.columns
+               ? 0.0
+               : std::abs(
+                     deviation[packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c)]);
+  };
+  double farthest = 0;
+  for (int r = 0; r < packed.rows; ++r)
+    for (int c = 0; c < packed.columns; ++c) {
+      double around = 0;
+      for (int y = r - 1; y <= r + 1; ++y)
+        for (int x = c - 1; x <= c + 1; ++x)
+          if (y != r || x != c) around = std::max(around, at(y, x));
+      farthest = std::max(farthest, at(r, c) - around);
+    }
+  return farthest;
+}
+
 /// Templates of a change of the image: its derivatives.
 enum Shape2 { dx, dy, dxx, dyy, dxy, coma_x, coma_y, ring, template_count };
 constexpr std::string_view template_names[] = {"x",        "y",      "width_x", "width_y",
@@ -192,6 +213,8 @@ class PointSpread : public Family {
     std::vector<std::array<double, template_count>> shape(sites);
     std::array<double, rings> ring_sum{}, ring_norm{};
     std::array<double, tails> tail_x{}, tail_y{};
+    std::vector<double> lonely(sites);
+    std::vector<double> deviation;
     LineResponse columns(layout_.shape.columns), rows(layout_.shape.rows);
     double all_change = 0, misfit = 0, misfit_wing = 0, misfit_count = 0, wing_count = 0;
     for (std::size_t s = 0; s < sites; ++s) {
@@ -209,6 +232,7 @@ class PointSpread : public Family {
         return share(r, c + 1) + share(r, c - 1) + share(r + 1, c) + share(r - 1, c) - 4 * share(r, c);
       };
       std::array<double, template_count> product{}, norm{};
+      deviation.assign(packed.share.size(), 0.0);
       for (int r = 0; r < packed.rows; ++r)
         for (int c = 0; c < packed.columns; ++c) {
           const std::size_t i = packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
@@ -239,6 +263,7 @@ class PointSpread : public Family {
           columns.add(layout_.sites[s].left + c, e * expected, share(r, c) * expected * change2);
           rows.add(layout_.sites[s].top + r, e * expected, share(r, c) * expected * change2);
           const double z2 = e * e * w / change2;
+          deviation[i] = e * std::sqrt(w / change2);
           if (packed.core[i] > 0)
             misfit += z2, ++misfit_count;
           else
@@ -251,6 +276,7 @@ class PointSpread : public Family {
           }
         }
       for (std::size_t k = 0; k < template_count; ++k) shape[s][k] = product[k] / norm[k] / change2;
+      lonely[s] = loneliest(deviation, packed);
     }
     sheet.family("point_spread");
     for (std::size_t k = 0; k < template_count; ++k) {
@@ -292,6 +318,9 @@ class PointSpread : public Family {
     sheet.kind({"point_spread_width", "shape", "all sites"});
     sheet.put("misfit.core", ok(std::log(misfit / misfit_count)));
     sheet.put("misfit.wing", ok(std::log(misfit_wing / wing_count)));
+    sheet.kind({"response_map", "space", "around sites"});
+    std::sort(lonely.begin(), lonely.end());
+    sheet.put_unsteady("pixels", "loneliest", ok(std::log(lonely.back() / lonely[sites / 2])));
     columns.put(sheet, "columns", enough);
     rows.put(sheet, "rows", enough);
 

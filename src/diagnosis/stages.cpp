@@ -30,9 +30,11 @@ std::string stage_of_observable(std::string_view observable, bool darks) {
 namespace {
 
 /// Rows that vary from frame to frame with the shutter open but not with it closed: what reads them out is
-/// the same, so it is the light that flickers while the rows are exposed one after the other.
+/// the same, so it is the light that flickers while the rows are exposed one after the other. Of the sites',
+/// too, where these go together along the rows: then less of it is clear.
 bool light_flickers(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 8, quiet = 4;
+  const bool with_sites = deviation_of("light.sites.pairs.light_rows", battery, z) > 5;
+  const double clear = with_sites ? 5 : 8, quiet = 4;
   const auto rows = [](const StatisticDeclaration& one) { return has(one, ".lines.rows."); };
   return largest(battery, z, [&](const auto& one) { return one.darks && rows(one); }) < quiet &&
          largest(battery, z, [&](const auto& one) { return !one.darks && rows(one); }) >
@@ -70,7 +72,8 @@ bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen:
 
 /// Frames whose level away from the sites varies, while that of dark frames does not, and with it their noise
 /// or from every frame to the next: it is light that varies, with its shot noise if there is enough of it. A
-/// few frames that stand out may be missing among the dark ones by chance.
+/// few frames that stand out may be missing among the dark ones by chance. A drift of the level is as clear
+/// in its noise that follows, if the two go the same way.
 bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, quiet = 4;
   const double level = largest(battery, z, [&](const auto& one) {
@@ -79,11 +82,27 @@ bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen
   const auto of = [&](std::string_view name) { return std::fabs(deviation_of(name, battery, z)); };
   const double noise =
       largest(battery, z, [&](const auto& one) { return !one.darks && has(one, ".frames.noise."); });
-  const bool with_noise = noise > std::max(clear, 0.3 * level),
+  const double drift = deviation_of("light.frames.level.trend", battery, z),
+               noise_drift = deviation_of("light.frames.noise.trend", battery, z);
+  const bool with_noise = noise > std::max(clear, 0.3 * level) ||
+                          (std::fabs(drift) > 0.5 * level && noise_drift * drift > quiet * std::fabs(drift)),
              every_frame = of("light.frames.level.steps") > std::max(clear, 0.5 * level) &&
                            of("light.frames.level.largest") < quiet;
   return level > std::max(clear, 0.4 * z.cwiseAbs().maxCoeff()) && (with_noise || every_frame) &&
          largest(battery, z, [&](const auto& one) { return one.darks && has(one, ".frames."); }) < quiet;
+}
+
+/// The sites' light changes with the light beside them, no more clearly than that: not the lamp behind the
+/// one nor the atoms, whose light hardly reaches so far, but what turns all light into counts. Exposure or
+/// gain.
+bool all_light_changes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 6, beside = 0.4, no_less = 0.7;
+  const auto of = [&](std::string_view name) {
+    return largest(battery, z, [&](const auto& one) { return !one.darks && has(one, name); });
+  };
+  const double level = std::max(of(".frames.level."), of(".frames.linear_level.")),
+               sites = of(".sites.common.");
+  return sites > std::max(clear, beside * level) && level > no_less * sites;
 }
 
 /// Pixels away from the sites that go together over some distance in frames with the shutter open, and not
@@ -105,12 +124,44 @@ bool light_ripples(const std::vector<StatisticDeclaration>& battery, const Eigen
 /// Charge gathers where no site is, now here and now there, with the shutter open only: atoms that are not in
 /// the traps. Radiation does not mind the shutter; beside an image that moves the sites' own light gathers.
 bool light_gathers(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 8, quiet = 4;
+  constexpr double clear = 8, quiet = 4, beside = 0.35;
   const auto clusters = [&](bool darks) {
     return largest(battery, z, [&](const auto& one) { return one.darks == darks && has(one, ".clusters."); });
   };
-  return clusters(true) < quiet && clusters(false) > std::max(clear, 0.5 * z.cwiseAbs().maxCoeff()) &&
+  return clusters(true) < quiet && clusters(false) > std::max(clear, beside * z.cwiseAbs().maxCoeff()) &&
          largest(battery, z, [](const auto& one) { return has(one, ".position."); }) < clear;
+}
+
+/// Whose images move, if any: occupied sites have more noise than their light, in pixels that go together
+/// along rows and columns, while pixels that no site lights do not. All together, or about the middle of the
+/// array, which stays: the optics. Each on its own: the atoms, which move their mean as well, but by less.
+std::string_view stage_of_moving_images(const std::vector<StatisticDeclaration>& battery,
+                                        const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.4, together = 1, middle_stays = 0.3;
+  const auto neighbours = [&](std::string_view where, std::string_view way) {
+    return largest(battery, z, [&](const auto& one) {
+      return !one.darks && has(one, where) && std::string_view(one.name).ends_with(way);
+    });
+  };
+  const double noise = deviation_of("light.image_noise.occupied.core", battery, z);
+  const double lit =
+      std::min(neighbours(".neighbours.all.", "right_1"), neighbours(".neighbours.all.", "down_1"));
+  const double dark =
+      std::max(neighbours(".neighbours.dark.", "right_1"), neighbours(".neighbours.dark.", "down_1"));
+  const double closed =
+      largest(battery, z, [](const auto& one) { return one.darks && has(one, ".neighbours."); });
+  if (noise < std::max(clear, beside * z.cwiseAbs().maxCoeff()) || lit < beside * noise ||
+      std::max(dark, closed) > beside * lit)
+    return "";
+  const double position = largest(battery, z, [](const auto& one) {
+    return has(one, ".position.") && std::string_view(one.name).ends_with(".variance");
+  });
+  return position > together * noise || position < middle_stays * noise ? "optics" : "scene";
+}
+
+/// Light far from the sites that comes and goes with theirs.
+bool is_far_halo(const StatisticDeclaration& one) {
+  return has(one, ".far_light.halo.");
 }
 
 /// Sites whose images are displaced, but no wider, all along the stack.
@@ -151,7 +202,8 @@ bool foremost(const std::vector<StatisticDeclaration>& battery, const Eigen::Vec
 bool empty_sites_glow(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, beside = 0.4;
   const auto of_the_empty = [](const auto& one) {
-    return one.name == "light.sites.empty.mean" || has(one, ".sites.histogram.");
+    return one.name == "light.sites.empty.mean" || has(one, ".sites.histogram.") ||
+           has(one, ".image_noise.empty.");
   };
   const double glow = deviation_of("light.sites.empty.mean", battery, z);
   return glow > clear &&
@@ -175,6 +227,22 @@ bool is_loading_along_the_stack(const StatisticDeclaration& one) {
   return has(one, ".sites.loading.");
 }
 
+/// Occupied sites whose light varies less than the shot noise of so much of it, in their images' middle and
+/// in their sums: no light does that. The bright values are compressed or cut off.
+bool light_is_too_calm(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 6, beside = 0.5;
+  const double calm = std::min(-deviation_of("light.image_noise.occupied.core", battery, z),
+                               -deviation_of("light.sites.peak.variance_within_sites", battery, z));
+  return calm > std::max(clear, beside * z.cwiseAbs().maxCoeff());
+}
+
+/// Images of some sites in which one pixel answers otherwise than those around it: no lens does that.
+bool pixels_answer_otherwise(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.4;
+  return deviation_of("light.point_spread.pixels.loneliest", battery, z) >
+         std::max(clear, beside * z.cwiseAbs().maxCoeff());
+}
+
 /// Light far above and below the sites, in their columns: charge that is shifted while it is lit. The columns
 /// it leaves are a pattern of the mean, as stray light would leave.
 bool is_smear(const StatisticDeclaration& one) {
@@ -182,15 +250,20 @@ bool is_smear(const StatisticDeclaration& one) {
 }
 
 /// What an image is around a site, far more than anything else: the shape itself, not where it is nor the
-/// charge that trails behind it.
+/// charge that trails behind it. Where nothing is as odd as the shape, the sites' brightness may follow, and
+/// the lines that answer to it.
 bool images_change_shape(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 15, beside = 1.5;
   const auto shape = [](const auto& one) {
     return has(one, ".point_spread.") && stage_of_observable(one.observable, one.darks) == "optics" &&
            !has(one, ".point_spread.x.") && !has(one, ".point_spread.y.");
   };
+  const auto follows_shape = [](const auto& one) {
+    return stage_of_observable(one.observable, one.darks) == "scene" || has(one, ".response_");
+  };
+  const bool most = foremost(battery, z, shape);
   const double others = largest(battery, z, [&](const auto& one) {
-    return !shape(one) && stage_of_observable(one.observable, one.darks) != "optics";
+    return stage_of_observable(one.observable, one.darks) != "optics" && !(most && follows_shape(one));
   });
   return largest(battery, z, shape) > std::max(clear, beside * others);
 }
@@ -240,14 +313,18 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   }
   // What shows with the shutter closed is the sensor's.
   if (darks > 0.2 * all && darks > 1) return "sensor";
-  if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_flashes(battery, z) ||
-               light_ripples(battery, z)))
+  if (foremost(battery, z, is_far_halo)) return "optics";
+  if (both && light_flashes(battery, z)) return all_light_changes(battery, z) ? "sensor" : "optics";
+  if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_ripples(battery, z)))
     return "optics";
   if (foremost(battery, z, is_loading) || foremost(battery, z, is_loading_along_the_stack, 4.5))
     return "scene";
-  if (foremost(battery, z, is_smear)) return "sensor";
+  if (foremost(battery, z, is_smear) || light_is_too_calm(battery, z) || pixels_answer_otherwise(battery, z))
+    return "sensor";
   if (empty_sites_glow(battery, z)) return sites_remember(battery, z) ? "sensor" : "optics";  // traps' light
   if (images_change_shape(battery, z) || light_reaches_far(battery, z)) return "optics";
+  if (const std::string_view stage = stage_of_moving_images(battery, z); !stage.empty())
+    return std::string(stage);
   if (both && light_gathers(battery, z)) return "scene";
   if (sites_are_displaced(battery, z)) return field_is_displaced(battery, z) ? "optics" : "scene";
   if (!hypotheses.empty()) {

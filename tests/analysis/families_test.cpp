@@ -480,6 +480,15 @@ std::vector<Case> cases() {
            e[i] *= (1 + 0.1 * noise_of(i / size)) * (i / size == 31 ? 0.5 : 1);
        }),
        {"light.point_spread.rows.response_variance", "light.point_spread.rows.response_largest"}});
+  list.push_back(
+      {"a pixel that hardly answers",
+       false,
+       false,
+       in_light([](std::size_t, const std::vector<double>&, const StackModel& of, std::vector<double>& e) {
+         const SiteImage& site = of.sites[7];
+         e[static_cast<std::size_t>(static_cast<int>(site.y_px) * size + static_cast<int>(site.x_px))] *= 0.3;
+       }),
+       {"light.point_spread.pixels.loneliest"}});
   return list;
 }
 

@@ -80,6 +80,102 @@ TEST(Stages, FramesWithMoreLightThanOthersAreTheLights) {
   EXPECT_EQ(stage(20, 3, 4, 12, 15), "sensor");
 }
 
+TEST(Stages, AllLightThatChangesAlikeIsTheSensors) {
+  const std::vector<StatisticDeclaration> frames = {
+      {"light.frames.level.variance", "frame_means", "time", "dark pixels", false},
+      {"light.frames.noise.variance", "frame_means", "time", "whole frame", false},
+      {"light.sites.common.variance", "brightness_series", "time", "occupied sites", false},
+      {"dark.frames.level.variance", "frame_means", "time", "dark pixels", true}};
+  const auto stage = [&](double level, double noise, double sites) {
+    return stage_of_differences(frames, Eigen::Vector4d(level, noise, sites, 1), {});
+  };
+  EXPECT_EQ(stage(42, 19, 23), "sensor");
+  EXPECT_EQ(stage(42, 19, 4), "optics");   // the light behind the sites
+  EXPECT_NE(stage(42, 19, 80), "sensor");  // the atoms' own, which reaches far
+}
+
+TEST(Stages, ALevelThatDriftsWithItsNoiseIsTheLights) {
+  const std::vector<StatisticDeclaration> frames = {
+      {"light.frames.level.trend", "frame_means", "time", "dark pixels", false},
+      {"light.frames.noise.trend", "frame_means", "time", "whole frame", false},
+      {"dark.frames.level.trend", "frame_means", "time", "dark pixels", true}};
+  const auto stage = [&](double level, double noise, double darks) {
+    return stage_of_differences(frames, Eigen::Vector3d(level, noise, darks), {});
+  };
+  EXPECT_EQ(stage(11, 4.4, 1), "optics");
+  EXPECT_EQ(stage(-11, -4.4, 1), "optics");
+  EXPECT_EQ(stage(11, -4.4, 1), "sensor");  // more counts with less noise
+  EXPECT_EQ(stage(11, 2, 1), "sensor");
+  EXPECT_EQ(stage(11, 4.4, 6), "sensor");
+}
+
+TEST(Stages, SitesThatFlickerAlongTheirRowsSayThatTheLightDoes) {
+  const std::vector<StatisticDeclaration> rows = {
+      {"light.lines.rows.next", "row_means", "time", "rows", false},
+      {"light.sites.pairs.light_rows", "site_correlation", "site", "occupied sites", false},
+      {"light.readout_spectrum.peak_along_columns", "row_spectrum", "frequency", "whole frame", false},
+      {"dark.lines.rows.next", "row_means", "time", "rows", true}};
+  const auto stage = [&](double lines, double sites, double darks) {
+    return stage_of_differences(rows, Eigen::Vector4d(lines, sites, 7, darks), {});
+  };
+  EXPECT_EQ(stage(6.5, 7.4, 1), "optics");
+  EXPECT_EQ(stage(6.5, 2, 1), "sensor");
+  EXPECT_EQ(stage(6.5, 7.4, 5), "sensor");
+}
+
+TEST(Stages, NoiseBelowTheLightsOwnIsTheSensors) {
+  const std::vector<StatisticDeclaration> calm = {
+      {"light.image_noise.occupied.core", "mean_variance_curve", "intensity", "occupied sites", false},
+      {"light.sites.peak.variance_within_sites", "site_histogram", "intensity", "occupied sites", false},
+      {"light.sites.peak.variance", "site_histogram", "intensity", "occupied sites", false}};
+  const auto stage = [&](double images, double sums) {
+    return stage_of_differences(calm, Eigen::Vector3d(images, sums, -19), {});
+  };
+  EXPECT_EQ(stage(-12, -19), "sensor");
+  EXPECT_EQ(stage(-8, -19), "scene");  // hardly so in the images
+  EXPECT_EQ(stage(-12, 19), "scene");
+}
+
+TEST(Stages, OnePixelThatAnswersOtherwiseIsTheSensors) {
+  const std::vector<StatisticDeclaration> sites = {
+      {"light.point_spread.pixels.loneliest", "response_map", "space", "around sites", false},
+      {"light.sites.by_site.lowest", "site_brightness", "site", "occupied sites", false},
+      {"light.sites.by_site.spread", "site_brightness", "site", "occupied sites", false}};
+  const auto stage = [&](double pixel) {
+    return stage_of_differences(sites, Eigen::Vector3d(pixel, -19, 15), {});
+  };
+  EXPECT_EQ(stage(9), "sensor");
+  EXPECT_EQ(stage(5), "scene");
+}
+
+TEST(Stages, ImagesThatMoveAreTheAtomsOrTheOptics) {
+  const std::vector<StatisticDeclaration> images = {
+      {"light.image_noise.occupied.core", "mean_variance_curve", "intensity", "occupied sites", false},
+      {"light.neighbours.all.right_1", "horizontal_correlation", "space", "all pixels", false},
+      {"light.neighbours.all.down_1", "vertical_correlation", "space", "all pixels", false},
+      {"light.neighbours.dark.right_1", "horizontal_correlation", "space", "dark pixels", false},
+      {"light.position.x.variance", "centroid_series", "time", "all sites", false}};
+  const auto stage = [&](double noise, double neighbours, double dark, double position) {
+    return stage_of_differences(images,
+                                Eigen::Vector<double, 5>(noise, neighbours, -neighbours, dark, position), {});
+  };
+  EXPECT_EQ(stage(50, 51, 13, 28), "scene");    // each atom on its own
+  EXPECT_EQ(stage(50, 51, 13, 80), "optics");   // all together
+  EXPECT_EQ(stage(50, 51, 13, 5), "optics");    // about their middle
+  EXPECT_EQ(stage(50, 51, 40, 28), "sensor");   // where no light is, too
+  EXPECT_EQ(stage(-50, 51, 13, 28), "sensor");  // charge that spreads: less noise
+}
+
+TEST(Stages, LightFarFromTheSitesIsOfTheOptics) {
+  const std::vector<StatisticDeclaration> halo = {
+      {"light.far_light.halo.far", "point_spread_halo", "space", "far from sites", false},
+      {"light.temporal_maps.largest", "variance_map", "space", "whole frame", false},
+      {"light.temporal_maps.noisy", "variance_map", "space", "whole frame", false}};
+  const auto stage = [&](double far) { return stage_of_differences(halo, Eigen::Vector3d(far, 40, 40), {}); };
+  EXPECT_EQ(stage(-87), "optics");
+  EXPECT_EQ(stage(-30), "sensor");
+}
+
 TEST(Stages, PatternsThatMoveInLightOnlyAreOfTheLight) {
   const std::vector<StatisticDeclaration> waves = {
       {"light.neighbours.dark.right_1", "horizontal_correlation", "space", "dark pixels", false},
@@ -144,9 +240,10 @@ TEST(Stages, EmptySitesThatGlowAndNothingElseAreOfTheOptics) {
       {"light.sites.histogram.p00", "site_histogram", "intensity", "all sites", false},
       {"light.sites.partial", "site_histogram", "intensity", "all sites", false},
       {"light.sites.memory.afterglow", "lag_correlation", "time", "all sites", false},
-      {"light.pixel_histogram.tail_fill", "pixel_histogram", "intensity", "dark pixels", false}};
+      {"light.pixel_histogram.tail_fill", "pixel_histogram", "intensity", "dark pixels", false},
+      {"light.image_noise.empty.core", "mean_variance_curve", "intensity", "empty sites", false}};
   const auto stage = [&](double empty, double partial, double afterglow = 0) {
-    return stage_of_differences(sites, Eigen::Vector<double, 5>(empty, 15, partial, afterglow, 3), {});
+    return stage_of_differences(sites, Eigen::Vector<double, 6>(empty, 15, partial, afterglow, 3, 8), {});
   };
   EXPECT_EQ(stage(11, -3.5), "optics");
   EXPECT_EQ(stage(30, -3.5, 8), "sensor");  // that remembers where atoms were
@@ -199,6 +296,23 @@ TEST(Stages, ImagesOfAnotherShapeAreOfTheOptics) {
   EXPECT_EQ(stage(60, 140, 1), "optics");  // much light that far out: its noise comes with it
   EXPECT_EQ(stage(60, 160, 1), "sensor");
   EXPECT_EQ(stage(-60, 140, 1), "sensor");  // none is missing where hardly any is
+}
+
+TEST(Stages, BrightnessFollowsAShapeThatIsOdderStill) {
+  const std::vector<StatisticDeclaration> images = {
+      {"light.point_spread.ring.2", "point_spread_halo", "shape", "around sites", false},
+      {"light.sites.common.variance", "brightness_series", "time", "occupied sites", false},
+      {"light.sites.common.steps", "brightness_series", "time", "occupied sites", false},
+      {"light.sites.peak.variance", "site_histogram", "intensity", "occupied sites", false},
+      {"light.point_spread.columns.response_variance", "column_means", "space", "columns", false},
+      {"light.neighbours.all.right_1", "horizontal_correlation", "space", "all pixels", false}};
+  const auto stage = [&](double shape, double brightness, double lines, double neighbours) {
+    return stage_of_differences(
+        images, Eigen::Vector<double, 6>(shape, brightness, brightness, brightness, lines, neighbours), {});
+  };
+  EXPECT_EQ(stage(-32, 27, 26, 10), "optics");
+  EXPECT_EQ(stage(-32, 40, 26, 10), "scene");
+  EXPECT_NE(stage(-32, 27, 26, 30), "optics");  // charge that spreads
 }
 
 TEST(Stages, BrightnessThatSlopesWithTheWidthOfImagesIsOfTheOptics) {

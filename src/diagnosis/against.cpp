@@ -12,7 +12,8 @@
 #include "diagnosis/changed_parameter.hpp"
 #include "diagnosis/evidence.hpp"
 #include "diagnosis/halves.hpp"
-#include "diagnosis/stages.hpp"
+#include "diagnosis/sentence.hpp"
+#include "diagnosis/where.hpp"
 #include "simulation/parallel.hpp"
 
 namespace atomcam {

@@ -11,7 +11,8 @@
 #include "diagnosis/gap_closed.hpp"
 #include "diagnosis/model.hpp"
 #include "diagnosis/search.hpp"
-#include "diagnosis/stages.hpp"
+#include "diagnosis/sentence.hpp"
+#include "diagnosis/where.hpp"
 
 namespace atomcam {
 namespace {

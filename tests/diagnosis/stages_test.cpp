@@ -3,9 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <random>
 #include <string>
 
 namespace atomcam {
@@ -340,54 +337,6 @@ TEST(Stages, AnEffectSpeaksForItsStageAsFarAsItExplains) {
   EXPECT_EQ(stage_at(0, 20, 0, 0, {one}), "sensor");
   one.share = 0.9;
   EXPECT_EQ(stage_at(0, 20, 0, 0, {one}), "scene");
-}
-
-// Of stacks without any difference, few may show one, though statistics have tails beyond a normal law's.
-TEST(Where, FalseDiscoveriesAreAsRareAsTold) {
-  constexpr std::size_t steady = 250, statistics = 300;
-  constexpr int stacks = 240, trials = 1000;
-  std::vector<StatisticDeclaration> battery(statistics);
-  for (std::size_t k = 0; k < statistics; ++k) {
-    battery[k].name = "light.family." + std::to_string(k);
-    battery[k].unsteady = k >= steady;
-  }
-  std::mt19937 random(5);
-  std::normal_distribution<double> normal;
-  std::student_t_distribution<double> tailed(5);
-  const auto draw = [&] {
-    Eigen::VectorXd z(static_cast<Eigen::Index>(statistics));
-    for (std::size_t k = 0; k < statistics; ++k)
-      z(static_cast<Eigen::Index>(k)) = k < steady ? normal(random) : tailed(random);
-    return z;
-  };
-  Eigen::MatrixXd own(stacks, static_cast<Eigen::Index>(statistics));
-  for (int n = 0; n < stacks; ++n) own.row(n) = draw().transpose();
-  constexpr double level = 0.05;
-  int found = 0;
-  for (int n = 0; n < trials; ++n) {
-    const Eigen::VectorXd z = draw();
-    const auto list = ranked_differences(battery, z, z, own);
-    found += std::any_of(list.begin(), list.end(), [](const Difference& one) { return one.q < level; });
-  }
-  EXPECT_LT(found, level * trials + 5 * std::sqrt(level * trials));
-  // What is seen nowhere in the stacks' own is a difference, of a steady statistic sooner.
-  const auto q_of = [&](std::size_t k, double size) {
-    Eigen::VectorXd z = draw().cwiseMax(-1).cwiseMin(1);
-    z(static_cast<Eigen::Index>(k)) = size;
-    return ranked_differences(battery, z, z, own).front().q;
-  };
-  EXPECT_LT(q_of(3, 5.5), 0.01);
-  EXPECT_GT(q_of(steady + 3, 5.5), 0.01);
-  EXPECT_LT(q_of(steady + 3, 20), 1e-4);
-}
-
-TEST(Sentence, NamesEveryNeighbourOnce) {
-  Diagnosis found;
-  found.verdict = Verdict::ambiguous;
-  for (const char* name : {"row_noise", "hot_pixels"})
-    found.effects.push_back({name, "sensor", {}, 0.5, {"dual_adc_peaks", "cosmic_rays"}});
-  EXPECT_EQ(sentence_of(found),
-            "row_noise and hot_pixels or cosmic_rays, dual_adc_peaks: these frames cannot tell them apart.");
 }
 
 }  // namespace

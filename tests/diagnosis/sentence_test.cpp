@@ -1,0 +1,19 @@
+// What a diagnosis says.
+#include "diagnosis/sentence.hpp"
+
+#include <gtest/gtest.h>
+
+namespace atomcam {
+namespace {
+
+TEST(Sentence, NamesEveryNeighbourOnce) {
+  Diagnosis found;
+  found.verdict = Verdict::ambiguous;
+  for (const char* name : {"row_noise", "hot_pixels"})
+    found.effects.push_back({name, "sensor", {}, 0.5, {"dual_adc_peaks", "cosmic_rays"}});
+  EXPECT_EQ(sentence_of(found),
+            "row_noise and hot_pixels or cosmic_rays, dual_adc_peaks: these frames cannot tell them apart.");
+}
+
+}  // namespace
+}  // namespace atomcam

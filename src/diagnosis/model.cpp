@@ -1,6 +1,7 @@
 #include "diagnosis/model.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -64,14 +65,36 @@ Model Model::with_first_effects(std::size_t count, const Eigen::VectorXd& coordi
   return fewer;
 }
 
+namespace {
+
+/// How sites' images differ from each other, not what they are like: detail that all of them have hardly
+/// makes any difference there.
+bool compares_sites(std::string_view name) {
+  constexpr std::array<std::string_view, 5> comparisons = {".spread", ".along_x", ".along_y", ".radial",
+                                                           ".smooth"};
+  return name.find(".point_spread.") != name.npos &&
+         std::any_of(comparisons.begin(), comparisons.end(),
+                     [&](std::string_view end) { return name.ends_with(end); });
+}
+
+/// Wings of the images that reach over the frame bend its mean.
+bool is_bent_by_wings(std::string_view name) {
+  return name == "light.static_charge.radial" || name == "light.static_offsets.radial";
+}
+
+}  // namespace
+
 Eigen::VectorXd optical_detail(const Eigen::VectorXd& deviation, const StackPlan& plan) {
-  constexpr double at_300_frames = 1.5;
-  const double part = at_300_frames * std::sqrt(std::max(1.0, static_cast<double>(plan.frames) / 300));
+  constexpr double of_images = 1.5, between_sites = 0.5;  // at 300 frames
+  const double more = std::sqrt(std::max(1.0, static_cast<double>(plan.frames) / 300));
   const auto declarations = battery(plan.model, plan.dark_frames > 0);
   Eigen::VectorXd detail = Eigen::VectorXd::Zero(deviation.size());
-  for (Eigen::Index i = 0; i < detail.size(); ++i)
-    if (declarations[static_cast<std::size_t>(i)].observable.starts_with("point_spread"))
-      detail(i) = part * deviation(i);
+  if (plan.model.sites.empty()) return detail;
+  for (Eigen::Index i = 0; i < detail.size(); ++i) {
+    const StatisticDeclaration& one = declarations[static_cast<std::size_t>(i)];
+    if (one.observable.starts_with("point_spread") || is_bent_by_wings(one.name))
+      detail(i) = (compares_sites(one.name) ? between_sites : of_images) * more * deviation(i);
+  }
   return detail;
 }
 

@@ -56,8 +56,9 @@ struct Model {
 };
 
 /// No objective is described by fifteen Zernike terms to the precision of some hundred frames: how far the
-/// point-spread function's statistics may be off for that reason, 1.5 deviations at 300 frames (in the
-/// statistics' units).
+/// statistics of the point-spread function, and of what its wings do to the frame, may be off for that reason
+/// (in the statistics' units): 1.5 deviations at 300 frames, 0.5 of what compares the sites' images with each
+/// other, as all of them have the same detail.
 Eigen::VectorXd optical_detail(const Eigen::VectorXd& deviation, const StackPlan& plan);
 
 /// An effect's model in the catalogue and the effect in somebody's camera are not the same to all digits. By

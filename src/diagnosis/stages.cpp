@@ -160,7 +160,7 @@ bool is_far_halo(const StatisticDeclaration& one) {
 
 /// Sites whose images are displaced, but no wider, all along the stack.
 bool sites_are_displaced(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 8, quiet = 8, beside = 1.5;
+  constexpr double clear = 6, quiet = 8, beside = 1.5;
   const auto centroid = [](const auto& one) {
     return has(one, ".point_spread.x.") || has(one, ".point_spread.y.");
   };

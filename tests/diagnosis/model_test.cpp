@@ -2,6 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
+#include "calibration/site_model.hpp"
+#include "diagnosis/blind.hpp"
+
 namespace atomcam {
 namespace {
 
@@ -53,6 +58,30 @@ TEST(Model, AShareIsNeverBeyondItsLaw) {
   ASSERT_EQ(model.open.back().name, "effects.vibration_jitter.slow_share");
   model.estimate(std::ssize(model.open) - 1) = 1.4;
   EXPECT_EQ(beyond_its_law(model), "");
+}
+
+TEST(Model, OpticalDetailIsTheSameForAllSites) {
+  BlindOptions options;
+  options.rows = options.columns = 48;
+  StackPlan plan;
+  plan.frames = 300;
+  plan.model = stack_model(make_blind_stack(options, 0).lab);
+  const auto declarations = battery(plan.model, false);
+  const auto detail_of = [&](std::string_view name) {
+    const auto one = std::find_if(declarations.begin(), declarations.end(),
+                                  [&](const StatisticDeclaration& each) { return each.name == name; });
+    EXPECT_NE(one, declarations.end()) << name;
+    const auto count = std::ssize(declarations);
+    return optical_detail(Eigen::VectorXd::Constant(count, 2), plan)(one - declarations.begin());
+  };
+  EXPECT_DOUBLE_EQ(detail_of("light.point_spread.ring.4"), 3);
+  EXPECT_DOUBLE_EQ(detail_of("light.point_spread.width_x.mean"), 3);
+  EXPECT_DOUBLE_EQ(detail_of("light.point_spread.width_x.spread"), 1);
+  EXPECT_DOUBLE_EQ(detail_of("light.point_spread.x.smooth"), 1);
+  EXPECT_DOUBLE_EQ(detail_of("light.static_charge.radial"), 3);  // what the wings bend
+  EXPECT_DOUBLE_EQ(detail_of("light.static_charge.gradient_x"), 0);
+  plan.frames = 1200;  // twice as well known, and the images no better
+  EXPECT_DOUBLE_EQ(detail_of("light.point_spread.ring.4"), 6);
 }
 
 TEST(Model, WhatItsStacksDoNotVaryIsUncertainAllTheSame) {

@@ -273,6 +273,7 @@ TEST(Stages, ImagesThatAreDisplacedButNoWiderAreOfAtomsElsewhere) {
     return stage_of_differences(images, Eigen::Vector4d(displaced, wider, moving, together), {});
   };
   EXPECT_EQ(stage(10, 4.5, 2), "scene");
+  EXPECT_EQ(stage(7, 4, 2), "scene");
   EXPECT_EQ(stage(10, 9, 2), "optics");
   EXPECT_EQ(stage(10, 4.5, 20), "optics");    // an image that moves
   EXPECT_EQ(stage(10, 4.5, 2, 5), "optics");  // a lens that distorts

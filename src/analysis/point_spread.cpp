@@ -318,7 +318,7 @@ class PointSpread : public Family {
     sheet.kind({"point_spread_width", "shape", "all sites"});
     sheet.put("misfit.core", ok(std::log(misfit / misfit_count)));
     sheet.put("misfit.wing", ok(std::log(misfit_wing / wing_count)));
-    sheet.kind({"response_map", "space", "around sites"});
+    sheet.kind({"mean_variance_curve", "space", "around sites"});
     std::sort(lonely.begin(), lonely.end());
     sheet.put_unsteady("pixels", "loneliest", ok(std::log(lonely.back() / lonely[sites / 2])));
     columns.put(sheet, "columns", enough);

@@ -6,12 +6,11 @@
 
 namespace atomcam {
 
-inline constexpr std::array<std::string_view, 25> observables = {
+inline constexpr std::array<std::string_view, 24> observables = {
     "pixel_histogram",         // of dark pixels: read noise, tails
     "mean_map",                // temporal mean per pixel
     "variance_map",            // temporal variance per pixel
     "kurtosis_map",            // temporal kurtosis and bimodality per pixel
-    "response_map",            // of single pixels to the sites' light
     "lag_correlation",         // of a pixel with itself one frame later
     "row_means",               // temporal variance of row means
     "column_means",            // static or temporal variance of column means

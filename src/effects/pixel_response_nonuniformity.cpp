@@ -66,7 +66,7 @@ EffectDeclaration pixel_response_nonuniformity() {
                       .scale = ParameterScale::linear,
                       .meaning = "Share of its variance that is gain, after the shot noise; the rest is "
                                  "sensitivity to light, before it."}},
-      .observables = {"mean_map", "response_map", "mean_variance_curve", "variance_map"},
+      .observables = {"mean_map", "mean_variance_curve", "variance_map"},
       .emccd = true,
       .qcmos = true,
       .acts_on_light = true,

@@ -135,7 +135,7 @@ TEST(Stages, NoiseBelowTheLightsOwnIsTheSensors) {
 
 TEST(Stages, OnePixelThatAnswersOtherwiseIsTheSensors) {
   const std::vector<StatisticDeclaration> sites = {
-      {"light.point_spread.pixels.loneliest", "response_map", "space", "around sites", false},
+      {"light.point_spread.pixels.loneliest", "mean_variance_curve", "space", "around sites", false},
       {"light.sites.by_site.lowest", "site_brightness", "site", "occupied sites", false},
       {"light.sites.by_site.spread", "site_brightness", "site", "occupied sites", false}};
   const auto stage = [&](double pixel) {

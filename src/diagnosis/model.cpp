@@ -87,9 +87,9 @@ bool is_bent_by_wings(std::string_view name) {
 Eigen::VectorXd optical_detail(const Eigen::VectorXd& deviation, const StackPlan& plan) {
   constexpr double of_images = 1.5, between_sites = 0.5;  // at 300 frames
   const double more = std::sqrt(std::max(1.0, static_cast<double>(plan.frames) / 300));
-  const auto declarations = battery(plan.model, plan.dark_frames > 0);
   Eigen::VectorXd detail = Eigen::VectorXd::Zero(deviation.size());
   if (plan.model.sites.empty()) return detail;
+  const auto declarations = battery(plan.model, plan.dark_frames > 0);
   for (Eigen::Index i = 0; i < detail.size(); ++i) {
     const StatisticDeclaration& one = declarations[static_cast<std::size_t>(i)];
     if (one.observable.starts_with("point_spread") || is_bent_by_wings(one.name))

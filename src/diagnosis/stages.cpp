@@ -64,15 +64,20 @@ bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen:
                        largest(battery, z, sites) / far_beyond});
 }
 
+/// How frames' level away from the sites varies, with the shutter open.
+double level_of_light(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  return largest(battery, z, [](const auto& one) {
+    return !one.darks && (has(one, ".frames.level.") || has(one, ".frames.linear_level."));
+  });
+}
+
 /// Frames whose level away from the sites varies, while that of dark frames does not, and with it their noise
 /// or from every frame to the next: it is light that varies, with its shot noise if there is enough of it. A
 /// few frames that stand out may be missing among the dark ones by chance. A drift of the level is as clear
 /// in its noise that follows, if the two go the same way.
 bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, quiet = 4;
-  const double level = largest(battery, z, [&](const auto& one) {
-    return !one.darks && (has(one, ".frames.level.") || has(one, ".frames.linear_level."));
-  });
+  const double level = level_of_light(battery, z);
   const auto of = [&](std::string_view name) { return std::fabs(deviation_of(name, battery, z)); };
   const double noise =
       largest(battery, z, [&](const auto& one) { return !one.darks && has(one, ".frames.noise."); });
@@ -91,12 +96,18 @@ bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen
 /// gain.
 bool all_light_changes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 6, beside = 0.4, no_less = 0.7;
-  const auto of = [&](std::string_view name) {
-    return largest(battery, z, [&](const auto& one) { return !one.darks && has(one, name); });
-  };
-  const double level = std::max(of(".frames.level."), of(".frames.linear_level.")),
-               sites = of(".sites.common.");
+  const double level = level_of_light(battery, z);
+  const double sites =
+      largest(battery, z, [](const auto& one) { return !one.darks && has(one, ".sites.common."); });
   return sites > std::max(clear, beside * level) && level > no_less * sites;
+}
+
+/// How pixels go together with those on one side of them, with the shutter open.
+double neighbours_in_light(std::string_view where, std::string_view way,
+                           const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  return largest(battery, z, [&](const auto& one) {
+    return !one.darks && has(one, where) && std::string_view(one.name).ends_with(way);
+  });
 }
 
 /// Pixels away from the sites that go together over some distance in frames with the shutter open, and not
@@ -104,9 +115,7 @@ bool all_light_changes(const std::vector<StatisticDeclaration>& battery, const E
 bool light_ripples(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, quiet = 4;
   const auto far = [&](std::string_view way) {
-    return largest(battery, z, [&](const auto& one) {
-      return !one.darks && has(one, ".neighbours.dark.") && std::string_view(one.name).ends_with(way);
-    });
+    return neighbours_in_light(".neighbours.dark.", way, battery, z);
   };
   const auto in_darks = [](const auto& one) {
     return one.darks && (has(one, ".neighbours.") || has(one, ".readout_spectrum.") || has(one, ".lines."));
@@ -133,9 +142,7 @@ std::string_view stage_of_moving_images(const std::vector<StatisticDeclaration>&
                                         const Eigen::VectorXd& z) {
   constexpr double clear = 8, beside = 0.4, together = 1, middle_stays = 0.3;
   const auto neighbours = [&](std::string_view where, std::string_view way) {
-    return largest(battery, z, [&](const auto& one) {
-      return !one.darks && has(one, where) && std::string_view(one.name).ends_with(way);
-    });
+    return neighbours_in_light(where, way, battery, z);
   };
   const double noise = deviation_of("light.image_noise.occupied.core", battery, z);
   const double lit =

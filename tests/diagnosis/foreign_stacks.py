@@ -288,6 +288,27 @@ class Stack:
         rows, columns = np.mgrid[: self.size, : self.size]
         return (columns - half) / half, (rows - half) / half
 
+    def blur_frames(self, width):
+        """Every frame's image by its own width, px rms."""
+        state = {"n": 0}
+
+        def blur(fine, dark):
+            sigma = width[state["n"] % self.count] * FINE
+            state["n"] += 1
+            f = np.fft.fftfreq(fine.shape[0])
+            fx, fy = np.meshgrid(f, f)
+            return np.fft.ifft2(np.fft.fft2(fine) * np.exp(-2 * np.pi**2 * sigma**2 * (fx**2 + fy**2))).real
+
+        self.on("fine", blur)
+
+    def vary_stray_light(self, level):
+        """Level of the stray light alone, one a frame, relative."""
+
+        def vary(mean, dark):
+            return mean if dark else mean + self.stray * self.background * (level - 1)[:, None, None]
+
+        self.on("mean", vary)
+
     def slow(self, count, memory):
         """Normal values of unit rms, smooth over `memory` frames."""
         width = max(1, int(3 * memory))
@@ -712,17 +733,7 @@ def field_coma(s, k):
 @effect("optics", listed=False)
 def breathing_focus(s, k):
     """The focus changes from frame to frame: as a blur that does."""
-    width = 0.5 * k * np.abs(s.rng.normal(0, 1, s.count))
-    state = {"n": 0}
-
-    def blur(fine, dark):
-        sigma = width[state["n"] % s.count] * FINE
-        state["n"] += 1
-        f = np.fft.fftfreq(fine.shape[0])
-        fx, fy = np.meshgrid(f, f)
-        return np.fft.ifft2(np.fft.fft2(fine) * np.exp(-2 * np.pi**2 * sigma**2 * (fx**2 + fy**2))).real
-
-    s.on("fine", blur)
+    s.blur_frames(0.5 * k * np.abs(s.rng.normal(0, 1, s.count)))
 
 
 @effect("optics", listed=False)
@@ -735,9 +746,7 @@ def distortion(s, k):
 
 @effect("optics", listed=False)
 def flickering_background(s, k):
-    level = np.exp(0.15 * k * s.rng.normal(0, 1, s.count))
-
-    s.on("mean", lambda mean, dark: mean if dark else mean + s.stray * s.background * (level - 1)[:, None, None])
+    s.vary_stray_light(np.exp(0.15 * k * s.rng.normal(0, 1, s.count)))
 
 
 @effect("optics", listed=False)
@@ -839,25 +848,13 @@ def rolling_flicker(s, k):
 @effect("optics", listed=False)
 def focus_drift(s, k):
     """The images get wider from the first frame to the last."""
-    width = 0.6 * k * np.linspace(0, 1, s.count)
-    state = {"n": 0}
-
-    def blur(fine, dark):
-        sigma = width[state["n"] % s.count] * FINE
-        state["n"] += 1
-        f = np.fft.fftfreq(fine.shape[0])
-        fx, fy = np.meshgrid(f, f)
-        return np.fft.ifft2(np.fft.fft2(fine) * np.exp(-2 * np.pi**2 * sigma**2 * (fx**2 + fy**2))).real
-
-    s.on("fine", blur)
+    s.blur_frames(0.6 * k * np.linspace(0, 1, s.count))
 
 
 @effect("optics", listed=False)
 def stray_light_drift(s, k):
     """A lamp that warms up: stray light alone, and slowly."""
-    level = 1 + 0.15 * k * np.linspace(-1, 1, s.count)[:, None, None]
-
-    s.on("mean", lambda mean, dark: mean if dark else mean + s.stray * s.background * (level - 1))
+    s.vary_stray_light(1 + 0.15 * k * np.linspace(-1, 1, s.count))
 
 
 @effect("sensor", listed=False)

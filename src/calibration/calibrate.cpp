@@ -7,11 +7,13 @@
 #include <optional>
 
 #include "base/error.hpp"
-#include "base/quantile.hpp"
 #include "calibration/count_start.hpp"
+#include "calibration/input_check.hpp"
 #include "calibration/kept_optics.hpp"
 #include "calibration/line_pattern.hpp"
 #include "calibration/parameter_table.hpp"
+#include "calibration/selected_frames.hpp"
+#include "calibration/single_parts.hpp"
 #include "calibration/site_model.hpp"
 #include "calibration/site_transfer.hpp"
 #include "calibration/stack_check.hpp"
@@ -20,32 +22,12 @@
 namespace atomcam {
 namespace {
 
-/// The frames of another sequence that a rule admits.
-class Selected : public FrameSequence {
- public:
-  Selected(const FrameSequence& all, const std::function<bool(std::size_t)>& use) : all_(all), use_(use) {
-    for (std::size_t n = 0; n < all.frames(); ++n) count_ += !use || use(n);
-  }
-  std::size_t frames() const override { return count_; }
-  Shape shape() const override { return all_.shape(); }
-  void visit(const std::function<void(std::size_t, const CountImage&)>& take) const override {
-    std::size_t k = 0;
-    all_.visit([&](std::size_t n, const CountImage& frame) {
-      if (!use_ || use_(n)) take(k++, frame);
-    });
-  }
-
- private:
-  const FrameSequence& all_;
-  const std::function<bool(std::size_t)>& use_;
-  std::size_t count_ = 0;
-};
-
 class Calibrator {
  public:
   explicit Calibrator(const CalibrationInput& input)
       : input_(input), notes_(input.notes), frames_(*input.frames, input.use) {
-    check();
+    check_input(input, frames_.frames(), notes_);
+    notes_.shape = frames_.shape();
     if (input.darks) selected_darks_.emplace(*input.darks, input.use);
   }
 
@@ -75,7 +57,10 @@ class Calibrator {
     }
     use_background();
     use_flats();
-    if (input_.full) fit_single_parts();
+    if (input_.full) {
+      if (result_.has_sites && !brightness_.empty()) add_site_brightness(result_, brightness_, atom_e_);
+      if (input_.darks) result_.maps = pixel_maps(dark_, odd_pixels());
+    }
     write_lab_values();
     result_.model = input_.like ? stack_figures(result_.lab) : current_model();
     result_.counts_per_electron_error =
@@ -96,37 +81,6 @@ class Calibrator {
   double counts_per_electron() const { return em_gain_ / electrons_per_count_; }
   void tell(std::string_view step, double done) const {
     if (input_.progress) input_.progress(step, done);
-  }
-
-  void check() {
-    const Shape shape = frames_.shape();
-    if (frames_.frames() < 8)
-      throw Error("frames", fmt::format("{} frames are too few to calibrate from, 8 or more are needed",
-                                        frames_.frames()));
-    if (notes_.shape.rows == 0) notes_.shape = shape;
-    if (!(shape == notes_.shape))
-      throw Error(notes_.place + ": shape",
-                  fmt::format("is {} x {}, but the frames have {} rows and {} columns", notes_.shape.rows,
-                              notes_.shape.columns, shape.rows, shape.columns));
-    if (input_.darks && input_.darks->frames() < 4)
-      throw Error("darks",
-                  fmt::format("{} frames are too few, 4 or more are needed", input_.darks->frames()));
-    if (input_.darks && !(input_.darks->shape() == shape))
-      throw Error("darks",
-                  fmt::format("have {} rows and {} columns, the frames {} and {}", input_.darks->shape().rows,
-                              input_.darks->shape().columns, shape.rows, shape.columns));
-    if (notes_.grid)
-      for (const int j : {0, notes_.grid->rows - 1})
-        for (const int i : {0, notes_.grid->columns - 1}) {
-          const double x = notes_.grid->first_x_px + i * notes_.grid->spacing_px,
-                       y = notes_.grid->first_y_px + j * notes_.grid->spacing_px;
-          const double slack = 0.15 * std::max(shape.columns, shape.rows) + 3;
-          if (x < -slack || y < -slack || x > shape.columns + slack || y > shape.rows + slack)
-            throw Error(
-                notes_.place + ": site_grid",
-                fmt::format("puts a site at x {:.1f}, y {:.1f}, outside of the frames of {} x {} pixels", x,
-                            y, shape.columns, shape.rows));
-        }
   }
 
   const FrameSequence& used_darks() const {
@@ -230,71 +184,25 @@ class Calibrator {
     return bias_ + dark_e_ * counts_per_electron();
   }
 
-  MeanImage mean_image() const {
-    MeanImage mean;
-    mean.electrons = Image<double, unit::electrons>(light_.sum.shape());
-    mean.variance = mean.dark_variance = Image<double, unit::electrons>(light_.sum.shape());
-    const double k = counts_per_electron(), n = static_cast<double>(light_.frames);
-    const std::size_t pixels = light_.sum.pixels().size();
-    mean.variance_per_e = excess() / n;
-    for (std::size_t i = 0; i < pixels; ++i)
-      mean.electrons.pixels()[i] = (light_.mean(i) - dark_level(i)) / k;
-    // Shot noise from the image smoothed a little, so that a low pixel does not weigh more for being low.
-    const int rows = mean.electrons.rows(), columns = mean.electrons.columns();
-    const double read_e = noise_ / k;
-    for (int y = 0; y < rows; ++y)
-      for (int x = 0; x < columns; ++x) {
-        double sum = 0, count = 0;
-        for (int v = std::max(0, y - 1); v <= std::min(rows - 1, y + 1); ++v)
-          for (int u = std::max(0, x - 1); u <= std::min(columns - 1, x + 1); ++u)
-            sum += mean.electrons(v, u), count += 1;
-        const double light = std::max({0.0, sum / count, mean.electrons(y, x)});
-        double variance = (excess() * dark_e_ + read_e * read_e) / n;
-        if (!emccd())
-          variance += input_.darks ? read_e * read_e / static_cast<double>(dark_.frames)
-                                   : std::pow(result_.dark_maps.offset_sigma_counts / k, 2);
-        mean.dark_variance(y, x) = variance + 1e-12;
-        mean.variance(y, x) = variance + mean.variance_per_e * light + 1e-12;
-      }
-    // What stands out from its neighbourhood as no image of a point can (hot pixels) is given no weight.
-    for (int y = 0; y < rows; ++y)
-      for (int x = 0; x < columns; ++x) {
-        double highest = -1e300;
-        for (int v = std::max(0, y - 1); v <= std::min(rows - 1, y + 1); ++v)
-          for (int u = std::max(0, x - 1); u <= std::min(columns - 1, x + 1); ++u)
-            if (u != x || v != y) highest = std::max(highest, mean.electrons(v, u));
-        const double value = mean.electrons(y, x);
-        if (value - std::max(highest, 0.0) > 4 * std::max(highest, 0.0) + 12 * std::sqrt(mean.variance(y, x)))
-          mean.variance(y, x) = 1e12;
-      }
-    // Nor what lies below the dark parts of the image: no light does that, and with hardly any noise of its
-    // own it would weigh more than the sites.
-    const auto values = mean.electrons.pixels();
-    const double dark = quantile(std::vector<double>(values.begin(), values.end()), 0.1);
-    for (std::size_t i = 0; i < pixels; ++i)
-      if (mean.electrons.pixels()[i] < dark - 12 * std::sqrt(mean.dark_variance.pixels()[i]))
-        mean.variance.pixels()[i] = 1e12;
-    return mean;
+  std::vector<double> dark_levels() const {
+    std::vector<double> levels(light_.sum.pixels().size());
+    for (std::size_t i = 0; i < levels.size(); ++i) levels[i] = dark_level(i);
+    return levels;
   }
 
-  Lattice noted_lattice() const {
-    const NotedGrid& grid = *notes_.grid;
-    Lattice lattice;
-    lattice.columns = grid.columns;
-    lattice.rows = grid.rows;
-    lattice.origin_x = grid.first_x_px;
-    lattice.origin_y = grid.first_y_px;
-    const double angle = grid.angle_deg * 3.14159265358979323846 / 180;
-    lattice.a_x = grid.spacing_px * std::cos(angle);
-    lattice.a_y = grid.spacing_px * std::sin(angle);
-    lattice.b_x = -lattice.a_y;
-    lattice.b_y = lattice.a_x;
-    return lattice;
+  MeanImage light_image() const {
+    const double n = static_cast<double>(light_.frames), read_e = noise_ / counts_per_electron();
+    double dark_variance_e2 = (excess() * dark_e_ + read_e * read_e) / n;
+    if (!emccd())
+      dark_variance_e2 += input_.darks
+                              ? read_e * read_e / static_cast<double>(dark_.frames)
+                              : std::pow(result_.dark_maps.offset_sigma_counts / counts_per_electron(), 2);
+    return mean_image(light_, dark_levels(), counts_per_electron(), excess(), dark_variance_e2);
   }
 
   void fit_sites() {
     tell("sites and optics", 0.3);
-    result_.mean_image = mean_image();
+    result_.mean_image = light_image();
     const MeanImage& mean = result_.mean_image;
     const double pixel_um = notes_.pixel_um / notes_.magnification;
     const double spot =
@@ -304,7 +212,7 @@ class Calibrator {
           fit_optics(mean, result_.lab.optics, input_.like->optics.lattice, &input_.like->optics.zernike_um);
     else
       result_.optics = kept_optics(input_.kept, mean, result_.lab.optics,
-                                   find_lattice(mean, noted_lattice(), spot), input_.threads);
+                                   find_lattice(mean, lattice_of(*notes_.grid), spot), input_.threads);
     mean_site_e_ = result_.optics.mean_site_e();
     check_site_light(mean, result_.optics);
     if (!input_.like) check_site_images(mean, result_.optics);
@@ -313,17 +221,7 @@ class Calibrator {
   }
 
   void place_lattice() {
-    const Lattice& lattice = result_.optics.lattice;
-    SiteGrid grid;
-    grid.columns = lattice.columns;
-    grid.rows = lattice.rows;
-    grid.offset_x = lattice.origin_x;
-    grid.offset_y = lattice.origin_y;
-    constexpr double degree = 3.14159265358979323846 / 180;
-    grid.spacing_x = std::hypot(lattice.a_x, lattice.a_y);
-    grid.spacing_y = std::hypot(lattice.b_x, lattice.b_y);
-    grid.angle_x_deg = std::atan2(lattice.a_y, lattice.a_x) / degree;
-    grid.angle_y_deg = std::atan2(-lattice.b_x, lattice.b_y) / degree;
+    const SiteGrid grid = grid_of(result_.optics.lattice);
     if (!input_.like) check_spacing(grid);
     result_.lab.layout = grid;
     result_.lab.optics.zernike_um = result_.optics.zernike_um;
@@ -355,6 +253,15 @@ class Calibrator {
     return ratio - 3 * error > 10 || ratio + 3 * error < 0.1;
   }
 
+  std::string of_light(double ratio) const {
+    return fmt::format("light varies {:.3g} times as much as {:.3g} counts per electron say", ratio,
+                       counts_per_electron());
+  }
+  Error other_settings(double ratio, std::string_view or_else = "") const {
+    return Error(notes_.place + ": settings",
+                 fmt::format("{}: notes of another camera or other settings?{}", of_light(ratio), or_else));
+  }
+
   /// Gain from light: the temporal variance of what the sites' least-squares fit leaves over.
   void refine_gain() {
     tell("gain", 0.6);
@@ -367,16 +274,13 @@ class Calibrator {
     // In units of the gain so far: 1 if it was right.
     const double ratio = transfer.variance_per_e / excess(), ratio_error = transfer.error / excess();
     if (!(ratio > 0.3 && ratio < 3)) {
-      const std::string what =
-          fmt::format("light varies {:.3g} times as much as {:.3g} counts per electron say", ratio,
-                      counts_per_electron());
       if (!input_.like && excluded(ratio, ratio_error))
-        throw Error(notes_.place + ": settings",
-                    what + ": notes of another camera or other settings?" +
-                        (emccd() || input_.darks ? ""
-                                                 : " Or darks are missing: without them the noise of a qCMOS "
-                                                   "cannot be told from the light's."));
-      result_.warnings.push_back(what);
+        throw other_settings(ratio,
+                             emccd() || input_.darks
+                                 ? ""
+                                 : " Or darks are missing: without them the noise of a qCMOS cannot be "
+                                   "told from the light's.");
+      result_.warnings.push_back(of_light(ratio));
       return;
     }
     double correction = ratio;
@@ -402,6 +306,7 @@ class Calibrator {
     ground.counts_per_electron = k;
     ground.background_e = background_e_;
     ground.mean_site_e = mean_site_e_;
+    ground.dark_counts = dark_levels();
     const std::size_t pixels = light_.sum.pixels().size();
     const bool own_noise = !emccd() && input_.darks;  // of every pixel, from the dark frames
     if (own_noise) ground.dark_frames = dark_.frames;
@@ -414,7 +319,6 @@ class Calibrator {
       drift = drift_variance(dark_.frame_mean, due / (all * all));
     }
     for (std::size_t i = 0; i < pixels; ++i) {
-      ground.dark_counts.push_back(dark_level(i));
       const double variance = own_noise ? dark_.variance(i) : noise_ * noise_ + 1.0 / 12;
       ground.dark_variance_e2.push_back(std::max(0.0, variance - drift) / (k * k) +
                                         (emccd() ? excess() * dark_e_ : 0));
@@ -498,11 +402,7 @@ class Calibrator {
   void take_gain_of(const FlatLevel& level) {
     const double ratio = level.variance_counts / (level.signal_counts * counts_per_electron() * excess());
     const double ratio_error = ratio * level.variance_error / level.variance_counts;
-    if (!input_.like && excluded(ratio, ratio_error))
-      throw Error(notes_.place + ": settings",
-                  fmt::format("light varies {:.3g} times as much as {:.3g} counts per electron say: notes of "
-                              "another camera or other settings?",
-                              ratio, counts_per_electron()));
+    if (!input_.like && excluded(ratio, ratio_error)) throw other_settings(ratio);
     if (!multiplied()) {
       electrons_per_count_ /= ratio;
       epc_error_ = electrons_per_count_ * ratio_error / ratio;
@@ -535,12 +435,6 @@ class Calibrator {
   /// Frames without atoms: the light in them, and with another exposure what does not grow with it.
   void use_background() {
     if (!input_.background) return;
-    if (!(input_.background->shape() == frames_.shape()))
-      throw Error(
-          "background",
-          fmt::format("has {} rows and {} columns, the frames {} and {}", input_.background->shape().rows,
-                      input_.background->shape().columns, frames_.shape().rows, frames_.shape().columns));
-    if (input_.background->frames() < 2) throw Error("background", "has one frame, 2 or more are needed");
     const StackSums sums = sum_stack(*input_.background);
     const std::vector<std::uint8_t> odd = odd_pixels();
     const double k = counts_per_electron(), n = static_cast<double>(sums.frames);
@@ -584,7 +478,6 @@ class Calibrator {
 
   void use_flats() {
     if (input_.flats.empty()) return;
-    if (!input_.darks) throw Error("flats", "need darks of the same settings beside them");
     tell("flats", 0.9);
     std::vector<FlatLevel> levels;
     for (const CalibrationInput::Flats& flats : input_.flats)
@@ -598,56 +491,6 @@ class Calibrator {
       result_.warnings.push_back(fmt::format(
           "flats vary by {:.3g} counts per count of signal, the frames' fit says {:.3g}: other settings?",
           slope, fitted));
-  }
-
-  /// Brightness of each site from the frames in which its atom is there; maps from the dark frames.
-  void fit_single_parts() {
-    if (result_.has_sites && !brightness_.empty()) {
-      const std::size_t sites = static_cast<std::size_t>(result_.optics.lattice.sites());
-      std::vector<double> mean(sites, 0), error(sites, 0);
-      double all = 0, counted = 0;
-      for (std::size_t s = 0; s < sites; ++s) {
-        double sum = 0, squares = 0, count = 0;
-        for (std::size_t at = s; at < brightness_.size(); at += sites)
-          if (const double e = brightness_[at]; e > 0.5 * atom_e_) sum += e, squares += e * e, count += 1;
-        if (count < 2) continue;
-        mean[s] = sum / count;
-        error[s] = std::sqrt(std::max(0.0, squares / count - mean[s] * mean[s]) / (count - 1));
-        all += mean[s], counted += 1;
-      }
-      if (counted > 0) {
-        all /= counted;
-        std::vector<Site> list = result_.lab.scene.sites;
-        result_.site_brightness_error.assign(sites, 0);
-        for (std::size_t s = 0; s < sites && s < list.size(); ++s) {
-          // A site that never had an atom keeps the mean.
-          list[s].brightness = mean[s] > 0 ? mean[s] / all : 1;
-          result_.site_brightness[s] = list[s].brightness;
-          result_.site_brightness_error[s] = error[s] / all;
-        }
-        result_.lab.layout = list;
-        result_.lab.place_sites();
-      }
-    }
-    if (!input_.darks) return;
-    PixelMaps& maps = result_.maps;
-    const Shape shape = dark_.sum.shape();
-    for (auto* map : {&maps.offset, &maps.offset_error, &maps.noise, &maps.noise_error})
-      *map = Image<double, unit::counts>(shape);
-    const double n = static_cast<double>(dark_.frames);
-    for (std::size_t i = 0; i < shape.pixels(); ++i) {
-      const double variance = dark_.variance(i), noise = std::sqrt(variance);
-      maps.offset.pixels()[i] = dark_.mean(i);
-      maps.offset_error.pixels()[i] = noise / std::sqrt(n);
-      maps.noise.pixels()[i] = noise;
-      maps.noise_error.pixels()[i] = noise / std::sqrt(2 * (n - 1));
-    }
-    const double middle = dark_.median_mean();
-    const std::vector<std::uint8_t> odd = odd_pixels();
-    for (std::size_t i = 0; i < odd.size(); ++i)
-      if (odd[i])
-        maps.hot.push_back({static_cast<int>(i) / shape.columns, static_cast<int>(i) % shape.columns,
-                            dark_.mean(i) - middle, maps.noise.pixels()[i]});
   }
 
   double noted_dark_e() const {
@@ -689,8 +532,8 @@ class Calibrator {
 
   const CalibrationInput& input_;
   Notes notes_;
-  Selected frames_;
-  std::optional<Selected> selected_darks_;
+  SelectedFrames frames_;
+  std::optional<SelectedFrames> selected_darks_;
   Calibration result_;
   StackSums light_, dark_;
   std::vector<float> brightness_;

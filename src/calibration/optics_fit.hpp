@@ -2,35 +2,16 @@
 // Where the sites are and what the optics do, from the mean image: all sites share one image, their
 // brightness is free.
 
+#include <Eigen/Dense>
 #include <array>
 #include <vector>
 
 #include "analysis/image_motion.hpp"
-#include "base/image.hpp"
-#include "calibration/maximise.hpp"
+#include "calibration/lattice.hpp"
+#include "calibration/mean_image.hpp"
 #include "optics/optics.hpp"
-#include "scene/scene.hpp"
 
 namespace atomcam {
-
-/// A lattice of sites: position(i, j) = origin + i a + j b, in pixels of the frame.
-struct Lattice {
-  int columns = 0, rows = 0;
-  double origin_x = 0, origin_y = 0;
-  double a_x = 0, a_y = 0;  // from one column to the next
-  double b_x = 0, b_y = 0;  // from one row to the next
-  double x(int i, int j) const { return origin_x + i * a_x + j * b_x; }
-  double y(int i, int j) const { return origin_y + i * a_y + j * b_y; }
-  int sites() const { return columns * rows; }
-};
-
-/// The mean of a stack, in electrons above the dark level.
-struct MeanImage {
-  Image<double, unit::electrons> electrons;
-  Image<double, unit::electrons> variance;       // of the mean, per pixel, e^2; 1e6 and more: not to be used
-  Image<double, unit::electrons> dark_variance;  // the part of it that is not shot noise of light
-  double variance_per_e = 0;                     // the rest per electron of light
-};
 
 struct OpticsFit {
   Lattice lattice;
@@ -69,9 +50,5 @@ struct FieldFocus {
 /// all. What optics common to all sites have to take for a defocus may be another term then.
 FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optics, const OpticsFit& common,
                            int threads = 0);
-
-/// Noted positions moved to where the light is: displacement, spacing and angles, by the correlation of the
-/// mean image with a lattice of spots of `spot_px` rms.
-Lattice find_lattice(const MeanImage& mean, const Lattice& noted, double spot_px);
 
 }  // namespace atomcam

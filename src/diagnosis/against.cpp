@@ -162,7 +162,7 @@ class Comparison {
     gap.metric = "mean square of the 12 largest differences of the battery between the two stacks";
     gap.before = gap.after = gap_of(z);
     gap.floor = Floor(standard.own()).at(0.5);
-    result_.where = ranked_differences(declarations, z, z, standard.own());
+    result_.where = ranked_differences(declarations, z, z, z, standard.own());
     if (result_.p_gap >= gap_level) {
       result_.verdict = Verdict::no_gap;
       result_.sentence = fmt::format("The two stacks do not differ (p = {:.2g}).", result_.p_gap);

@@ -199,8 +199,8 @@ class Diagnoser {
     if (have_final_ && closes_too_little()) withdraw();
     tell_apart();
     if (!options_.where_only) ask_others();
-    result_.where = ranked_differences(declarations_, plain_.z, have_final_ ? final_.z : plain_.z,
-                                       plain_.standard->own());
+    result_.where = ranked_differences(declarations_, plain_.z, plain_.standard->tolerated(plain_.z),
+                                       have_final_ ? final_.z : plain_.z, plain_.standard->own());
     result_.plain_lab = plain_.fitted_lab();
     result_.lab = have_final_ ? final_.fitted_lab() : plain_.fitted_lab();
     for (Lab* lab : {&result_.plain_lab, &result_.lab}) share_gain(*lab);

@@ -38,8 +38,8 @@ class Tails {
 }  // namespace
 
 std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaration>& battery,
-                                           const Eigen::VectorXd& z, const Eigen::VectorXd& z_after,
-                                           const Eigen::MatrixXd& own) {
+                                           const Eigen::VectorXd& z, const Eigen::VectorXd& tolerated,
+                                           const Eigen::VectorXd& z_after, const Eigen::MatrixXd& own) {
   constexpr std::size_t listed = 40;
   constexpr double clearly = 0.01;
   const auto size = [&](std::size_t k) { return std::fabs(z(static_cast<Eigen::Index>(k))); };
@@ -51,7 +51,7 @@ std::vector<Difference> ranked_differences(const std::vector<StatisticDeclaratio
   const double count = static_cast<double>(order.size());
   std::vector<double> p(order.size()), q(order.size());
   for (std::size_t k = 0; k < p.size(); ++k)
-    p[k] = tails.p_value(battery[k], z(static_cast<Eigen::Index>(k)));
+    p[k] = tails.p_value(battery[k], tolerated(static_cast<Eigen::Index>(k)));
   std::vector<std::size_t> likely = order;
   std::sort(likely.begin(), likely.end(), [&](std::size_t a, std::size_t b) { return p[a] < p[b]; });
   double least = 1;

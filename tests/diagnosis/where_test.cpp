@@ -34,7 +34,7 @@ TEST(Where, FalseDiscoveriesAreAsRareAsTold) {
   int found = 0;
   for (int n = 0; n < trials; ++n) {
     const Eigen::VectorXd z = draw();
-    const auto list = ranked_differences(battery, z, z, own);
+    const auto list = ranked_differences(battery, z, z, z, own);
     found += std::any_of(list.begin(), list.end(), [](const Difference& one) { return one.q < level; });
   }
   EXPECT_LT(found, level * trials + 5 * std::sqrt(level * trials));
@@ -42,11 +42,19 @@ TEST(Where, FalseDiscoveriesAreAsRareAsTold) {
   const auto q_of = [&](std::size_t k, double size) {
     Eigen::VectorXd z = draw().cwiseMax(-1).cwiseMin(1);
     z(static_cast<Eigen::Index>(k)) = size;
-    return ranked_differences(battery, z, z, own).front().q;
+    return ranked_differences(battery, z, z, z, own).front().q;
   };
   EXPECT_LT(q_of(3, 5.5), 0.01);
   EXPECT_GT(q_of(steady + 3, 5.5), 0.01);
   EXPECT_LT(q_of(steady + 3, 20), 1e-4);
+  // Nor is it one where the model may be wrong by so much.
+  Eigen::VectorXd z = draw().cwiseMax(-1).cwiseMin(1);
+  z(3) = 5.5;
+  Eigen::VectorXd tolerated = z;
+  tolerated(3) = 3;
+  const Difference first = ranked_differences(battery, z, tolerated, z, own).front();
+  EXPECT_EQ(first.z, 5.5);
+  EXPECT_GT(first.q, 0.05);
 }
 
 }  // namespace

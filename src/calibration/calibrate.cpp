@@ -44,6 +44,7 @@ class Calibrator {
         check_stack(dark_, "darks");
         check_darks(dark_, light_);
       }
+      tell_of_lost_rows();
     }
     tell("sensor", 0.2);
     fit_sensor();
@@ -247,10 +248,19 @@ class Calibrator {
     return stack_model(result_.lab, point_spread_ ? &*point_spread_ : nullptr);
   }
 
+  void tell_of_lost_rows() {
+    for (const auto& [sums, place] : {std::pair{&light_, "frames"}, std::pair{&dark_, "darks"}})
+      if (sums->lost_rows > 0)
+        result_.warnings.push_back(fmt::format(
+            "{}: {} of {} rows have one value throughout, far from all others: lost on the way from the "
+            "camera?",
+            place, sums->lost_rows, sums->frames * static_cast<std::size_t>(sums->sum.rows())));
+  }
+
   /// Whether the light's noise, in units of what the notes' gain gives it, cannot be that of their camera.
-  /// Frames that were damaged on the way have noise that says nothing: its error is large.
-  static bool excluded(double ratio, double error) {
-    return ratio - 3 * error > 10 || ratio + 3 * error < 0.1;
+  /// Frames that were damaged on the way have noise that says nothing.
+  bool excluded(double ratio, double error) const {
+    return light_.lost_rows + dark_.lost_rows == 0 && (ratio - 3 * error > 10 || ratio + 3 * error < 0.1);
   }
 
   std::string of_light(double ratio) const {

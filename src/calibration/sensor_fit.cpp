@@ -67,6 +67,25 @@ double StackSums::median_variance() const {
   return median(std::move(values));
 }
 
+namespace {
+
+std::size_t rows_lost(const CountImage& frame, double mean) {
+  constexpr int least_columns = 16;  // fewer may agree by chance
+  constexpr double far_counts = 10;
+  if (frame.columns() < least_columns) return 0;
+  std::size_t lost = 0;
+  for (int row = 0; row < frame.rows(); ++row) {
+    const std::uint16_t first = frame(row, 0);
+    if (std::fabs(first - mean) < far_counts) continue;
+    int column = 1;
+    while (column < frame.columns() && frame(row, column) == first) ++column;
+    lost += column == frame.columns();
+  }
+  return lost;
+}
+
+}  // namespace
+
 StackSums sum_stack(const FrameSequence& frames) {
   StackSums sums;
   sums.sum = Image<double, unit::counts>(frames.shape());
@@ -86,6 +105,7 @@ StackSums sum_stack(const FrameSequence& frames) {
       ++sums.occurrences[counts[i]];
     }
     sums.frame_mean.push_back(total / static_cast<double>(std::max<std::size_t>(1, counts.size())));
+    sums.lost_rows += rows_lost(frame, sums.frame_mean.back());
     sums.even_frames += even;
     ++sums.frames;
   });

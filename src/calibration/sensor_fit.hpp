@@ -34,6 +34,7 @@ CountFit fit_counts(const std::vector<CountHistogram>& histograms, bool first_is
 struct StackSums {
   std::size_t frames = 0;
   std::size_t even_frames = 0;  // that have one value throughout
+  std::size_t lost_rows = 0;    // that have one value throughout, far from the frame's mean: never arrived
   Image<double, unit::counts> sum, sum_of_squares;
   std::vector<std::uint64_t> occurrences;  // of each 16-bit count, all pixels
   std::vector<double> frame_mean;

@@ -132,6 +132,26 @@ TEST(Calibrate, LevelsThatWanderAreNoOtherGain) {
   EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.05);
 }
 
+// Rows that are lost on the way read zero: noise many times that of all light, which says nothing of the
+// camera.
+TEST(Calibrate, LostRowsAreNoOtherCamera) {
+  const Notes notes = rough_notes(false);
+  const Lab truth = true_lab(notes);
+  const auto lose_rows = [](std::vector<CountImage> frames, std::size_t every) {
+    for (std::size_t n = 0, row = 3; n < frames.size(); n += every, row = (row + 17) % 60)
+      for (int r = 0; r < 4; ++r)
+        for (int c = 0; c < frames[n].columns(); ++c) frames[n](static_cast<int>(row) + r, c) = 0;
+    return frames;
+  };
+  const FramesInMemory light(lose_rows(render(truth, 0, 250, true), 3)),
+      darks(lose_rows(render(truth, 1000000, 100, false), 6));
+  const Calibration found = calibrate(input_of(notes, light, &darks));
+  ASSERT_EQ(found.warnings.size(), 3);
+  EXPECT_NE(found.warnings[0].find("frames: 336 of 16000 rows"), std::string::npos) << found.warnings[0];
+  EXPECT_NE(found.warnings[1].find("darks: 68 of 6400 rows"), std::string::npos) << found.warnings[1];
+  EXPECT_NE(found.warnings[2].find("light varies"), std::string::npos) << found.warnings[2];
+}
+
 // Where they wander slowly, the dark frames' level is not that of the frames: no other gain either.
 TEST(Calibrate, DarksOfAnotherLevelAreNoOtherGain) {
   const Notes notes = rough_notes(false);

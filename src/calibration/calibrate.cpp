@@ -258,9 +258,11 @@ class Calibrator {
   }
 
   /// Whether the light's noise, in units of what the notes' gain gives it, cannot be that of their camera.
-  /// Frames that were damaged on the way have noise that says nothing.
+  /// Frames that were damaged on the way have noise that says nothing; images that differ from site to site
+  /// may even leave less than none.
   bool excluded(double ratio, double error) const {
-    return light_.lost_rows + dark_.lost_rows == 0 && (ratio - 3 * error > 10 || ratio + 3 * error < 0.1);
+    return light_.lost_rows + dark_.lost_rows == 0 && ratio + 3 * error > 0 &&
+           (ratio - 3 * error > 10 || ratio + 3 * error < 0.1);
   }
 
   std::string of_light(double ratio) const {

@@ -86,6 +86,7 @@ struct Sums {
   std::vector<double> block_light;           // of all sites
   std::vector<double> block_rest;            // of the used pixels
   std::vector<double> frame_rest;            // of the used pixels, of every frame
+  std::vector<std::vector<double>> by_site;  // [site, pixel of its image]: rest times the site's light
 };
 
 std::vector<std::uint8_t> pixels_with_less_light(const StackModel& model,
@@ -158,6 +159,7 @@ Sums sum_up(const FrameSequence& frames, const StackModel& model, const std::vec
   sums.squares.assign(blocks, std::vector<double>(pixels, 0));
   sums.block_light.assign(blocks, 0);
   sums.block_rest.assign(blocks, 0);
+  for (const SiteImage& site : model.sites) sums.by_site.emplace_back(site.share.pixels().size(), 0.0);
   brightness.reserve(frames.frames() * sites);
   std::vector<std::vector<std::uint32_t>> left_out(blocks, std::vector<std::uint32_t>(pixels, 0));
   std::vector<double> rest(pixels);
@@ -202,6 +204,16 @@ Sums sum_up(const FrameSequence& frames, const StackModel& model, const std::vec
       sums.squares[block][i] += rest[i] * rest[i];
     }
     sums.frame_rest.push_back(whole_rest);
+    for (std::size_t s = 0; s < sites; ++s) {
+      const SiteImage& site = model.sites[s];
+      const double e = brightness[first + s];
+      double* sum = sums.by_site[s].data();
+      for (int r = 0; r < site.share.rows(); ++r) {
+        const std::size_t at = static_cast<std::size_t>(site.top + r) * model.shape.columns + site.left;
+        for (int c = 0; c < site.share.columns(); ++c, ++sum)
+          if (!out || !(*out)[at + c]) *sum += e * rest[at + c];
+      }
+    }
   });
   // The frames left out are taken to be as the others.
   const double count = static_cast<double>(frames.frames());
@@ -267,6 +279,36 @@ std::vector<double> changes_of(const std::vector<float>& brightness, std::size_t
   return changes;
 }
 
+/// Variance that the rest of each pixel has because the sites' images are not what they are taken for: it
+/// follows the sites' light then. `changes`: variance of every site's light.
+std::vector<double> variance_of_other_images(const StackModel& model, const Sums& sums,
+                                             const std::vector<float>& brightness,
+                                             const std::vector<double>& changes, double frames) {
+  const std::size_t pixels = sums.rest.size(), sites = model.sites.size();
+  std::vector<double> own(pixels, 0), variance(pixels, 0);
+  for (std::size_t i = 0; i < pixels; ++i) {
+    for (const auto& block : sums.squares) own[i] += block[i];
+    own[i] = (own[i] - sums.rest[i] * sums.rest[i] / frames) / (frames - 1);
+  }
+  for (std::size_t s = 0; s < sites; ++s) {
+    if (!(changes[s] > 0)) continue;
+    double mean = 0;
+    for (std::size_t at = s; at < brightness.size(); at += sites)
+      mean += static_cast<double>(brightness[at]) / frames;
+    const SiteImage& site = model.sites[s];
+    const double* with_light = sums.by_site[s].data();
+    for (int r = 0; r < site.share.rows(); ++r)
+      for (int c = 0; c < site.share.columns(); ++c, ++with_light) {
+        const std::size_t i = static_cast<std::size_t>(site.top + r) * model.shape.columns +
+                              static_cast<std::size_t>(site.left + c);
+        const double covariance = (*with_light - mean * sums.rest[i]) / (frames - 1);
+        // Less what chance makes of it.
+        variance[i] += covariance * covariance / changes[s] - own[i] / (frames - 1);
+      }
+  }
+  return variance;
+}
+
 }  // namespace
 
 SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
@@ -289,10 +331,18 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
   const std::vector<double> read = rest_variance(model, ground.dark_variance_e2);
   shot = rest_variance(model, shot);
   // Atoms that come and go also move the light that the stamps do not hold.
-  transfer.leaks = leakage(model, point_spread, changes_of(transfer.brightness_e, model.sites.size(), n));
-  double signal = 0, floor = 0, count = 0;
-  for (std::size_t i = 0; i < pixels; ++i)
-    if (used[i]) floor += read[i] + transfer.leaks.rest_variance[i], signal += shot[i], ++count;
+  const std::vector<double> changes = changes_of(transfer.brightness_e, model.sites.size(), n);
+  transfer.leaks = leakage(model, point_spread, changes);
+  const std::vector<double> other_images =
+      variance_of_other_images(model, sums, transfer.brightness_e, changes, n);
+  double signal = 0, floor = 0, of_other_images = 0, count = 0;
+  for (std::size_t i = 0; i < pixels; ++i) {
+    if (!used[i]) continue;
+    floor += read[i] + transfer.leaks.rest_variance[i];
+    signal += shot[i];
+    of_other_images += other_images[i];
+    ++count;
+  }
   // A block with more light has more noise: its variance goes with its own light, or the error comes out
   // too large.
   double from_sites = 0, from_all = 0, all_light = 0, all_rest = 0;
@@ -309,10 +359,13 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
   double mean = 0, spread = 0;
   const double common = common_of_all(sums, used, n);
   // A pixel's part in the result. Where the level of whole frames wanders, that of the dark frames is not
-  // theirs, and light counts from an unknown one on, if there is enough of it.
+  // theirs, and light counts from an unknown one on, if there is enough of it, and if it lies where it is
+  // thought to lie: images that are clearly others make whole frames brighter and darker, too.
+  constexpr double clearly_others = 0.01;  // of the noise
+  const bool misplaced = of_other_images > clearly_others * (floor + signal);
   std::vector<double> part(pixels, 1 / signal);
   bool level_known = true;
-  if (common > 0) {
+  if (common > 0 && !misplaced) {
     constexpr double good_enough = 0.1;
     std::vector<double> slope = slope_weights(shot, used, floor / count);
     double variance = 0;
@@ -327,7 +380,8 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
     double ratio = 0;
     for (std::size_t i = 0; i < pixels; ++i) {
       if (!used[i]) continue;
-      const double m = sums.rest[i] / n, noise = read[i] + transfer.leaks.rest_variance[i] + common / count;
+      const double m = sums.rest[i] / n,
+                   noise = read[i] + transfer.leaks.rest_variance[i] + other_images[i] + common / count;
       ratio += part[i] * ((sums.squares[b][i] / own - m * m) * n / (n - 1) - noise);
     }
     const double sites_more = all_light > 0 ? from_sites * (sums.block_light[b] / own / all_light - 1) : 0;
@@ -348,8 +402,10 @@ SiteTransfer site_transfer(const FrameSequence& frames, const StackModel& model,
       if (level_known) dark_error += variance / darks * mean * mean / (from_all * from_all);
     }
   }
+  // A level that is not that of the dark frames is so much more or less light.
+  const double of_level = common > 0 && misplaced ? mean * std::sqrt(common * count) / signal : 0;
   transfer.variance_per_e = mean;
-  transfer.error = std::sqrt(spread / blocks + dark_error);
+  transfer.error = std::sqrt(spread / blocks + dark_error + of_level * of_level);
   return transfer;
 }
 

@@ -53,8 +53,8 @@ class Diagnoser {
   }
 
   void prepare() {
-    tell("calibrating", 0);
     CalibrationInput input;
+    input.progress = [&](std::string_view step, double done) { tell(step, 0.03 * done); };
     input.notes = notes_;
     input.frames = &frames_;
     input.darks = darks_;

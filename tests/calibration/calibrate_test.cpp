@@ -121,6 +121,17 @@ TEST(Calibrate, TracksAcrossSitesAreNoOtherGain) {
   EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.05);
 }
 
+// Images that are not what the mean one is taken for leave light of their atoms over: no noise of electrons.
+TEST(Calibrate, ImagesThatDifferFromSiteToSiteAreNoOtherGain) {
+  const Notes notes = rough_notes(false);
+  Lab truth = true_lab(notes);
+  truth.effects["field_tilt_defocus"] = {0.15, 212, 0};
+  const FramesInMemory light(render(truth, 0, 250, true)), darks(render(truth, 1000000, 100, false));
+  const Calibration found = calibrate(input_of(notes, light, &darks));
+  EXPECT_GT(found.counts_per_electron_error, 0);
+  EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.08);
+}
+
 // What whole frames have in common is no noise of single electrons.
 TEST(Calibrate, LevelsThatWanderAreNoOtherGain) {
   const Notes notes = rough_notes(false);

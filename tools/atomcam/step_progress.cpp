@@ -15,7 +15,9 @@ StepProgress::~StepProgress() {
 
 void StepProgress::update(std::string_view step, double done) {
   const std::lock_guard lock(mutex_);
-  const auto pause = terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(10000);
+  // At once on a terminal; a log is not told of what takes no time.
+  const auto pause =
+      terminal_ ? std::chrono::milliseconds(drawn_ ? 100 : 0) : std::chrono::milliseconds(10000);
   if (Clock::now() - shown_ < pause) return;
   show(step, std::clamp(done, 0.0, 1.0));
   shown_ = Clock::now();

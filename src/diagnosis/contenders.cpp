@@ -21,6 +21,7 @@ constexpr int first_rounds = 3, more_rounds = 8, most_followed = 3, judged_stack
 constexpr double too_far = 3, no_better = 1.5;
 
 constexpr double comfortable = 0.05;  // p-value: below it there may be a better place near by
+constexpr double hardly_odd = 0.001;  // likewise: what has not closed the gap may do so from there
 constexpr double worthwhile = 0.9;    // of the plain model's distance: farther away is not followed up
 constexpr double far_away = 1.4;      // nothing at this distance has ever closed two thirds of a gap
 constexpr double beyond_doubt = 30;   // of the logarithmic likelihood, behind the likeliest
@@ -249,7 +250,8 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
     // Near, and not quite there: as many stacks show the way better than the few of a fit's round.
     const auto near = [&](const Judged& look) {
       return look.model.p_value < comfortable && look.model.log_likelihood > explaining - out_of_reach &&
-             (look.closed > least_to_pass || differs_as_own_stacks(look.model, *ground.plain, battery));
+             (look.closed > least_to_pass || look.model.p_value > hardly_odd ||
+              differs_as_own_stacks(look.model, *ground.plain, battery));
     };
     const auto look_from = [&](Model start, const std::string& start_name) {
       const std::size_t first = looks.size();

@@ -24,6 +24,10 @@ double OpticsFit::mean_site_e() const {
 
 namespace {
 
+constexpr int lattice_parameters = SiteImages::lattice_parameters,
+              shape_parameters = SiteImages::shape_parameters,
+              field_parameters = SiteImages::field_parameters;
+
 /// The middle of a large array, up to some sites each way, and the image around it.
 struct Middle {
   MeanImage mean;
@@ -179,7 +183,7 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
     PhotonImage far(Shape{mean.electrons.rows(), mean.electrons.columns()});
     for (int j = 0, s = 0; j < where.rows; ++j)
       for (int i = 0; i < where.columns; ++i, ++s) {
-        const double e = best.values(SiteImages::shape_parameters + s), x = where.x(i, j), y = where.y(i, j);
+        const double e = best.values(shape_parameters + s), x = where.x(i, j), y = where.y(i, j);
         if (!(e > 0)) continue;
         table->add_expected(far, e, x, y);
         const int left = std::max(0, static_cast<int>(std::ceil(x)) - radius),
@@ -209,14 +213,14 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   fit.zernike_um = SiteImages::zernike(best.values);
   if (fit.zernike_um[3] < 0)
     for (const int even : {3, 4, 5, 10, 11, 12, 13, 14}) fit.zernike_um[even] = -fit.zernike_um[even];
-  for (int s = 0; s < model.sites(); ++s) fit.site_e.push_back(best.values(SiteImages::shape_parameters + s));
+  for (int s = 0; s < model.sites(); ++s) fit.site_e.push_back(best.values(shape_parameters + s));
   fit.background_e = best.values(model.size() - 1);
-  std::vector<Eigen::Index> common(SiteImages::shape_parameters);
+  std::vector<Eigen::Index> common(shape_parameters);
   std::iota(common.begin(), common.end(), 0);
   common.push_back(model.size() - 1);
   const Eigen::MatrixXd covariance = best.covariance(common);
-  fit.background_error = std::sqrt(covariance(SiteImages::shape_parameters, SiteImages::shape_parameters));
-  fit.covariance = covariance.topLeftCorner(SiteImages::shape_parameters, SiteImages::shape_parameters);
+  fit.background_error = std::sqrt(covariance(shape_parameters, shape_parameters));
+  fit.covariance = covariance.topLeftCorner(shape_parameters, shape_parameters);
   fit.chi_square = 2 * best.minus_log;
   fit.degrees_of_freedom = static_cast<int>(mean.electrons.pixels().size()) - static_cast<int>(model.size());
   fit.converged = best.converged;
@@ -239,12 +243,10 @@ FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optic
       [&](const Eigen::VectorXd& p, bool derivatives) {
         Likelihood one = evaluate(p, derivatives);
         if (derivatives) {  // the field stays as it is
-          one.gradient.segment<SiteImages::field_parameters>(SiteImages::shape_parameters).setZero();
-          one.information.middleRows<SiteImages::field_parameters>(SiteImages::shape_parameters).setZero();
-          one.information.middleCols<SiteImages::field_parameters>(SiteImages::shape_parameters).setZero();
-          one.information.diagonal()
-              .segment<SiteImages::field_parameters>(SiteImages::shape_parameters)
-              .setOnes();
+          one.gradient.segment<field_parameters>(shape_parameters).setZero();
+          one.information.middleRows<field_parameters>(shape_parameters).setZero();
+          one.information.middleCols<field_parameters>(shape_parameters).setZero();
+          one.information.diagonal().segment<field_parameters>(shape_parameters).setOnes();
         }
         return one;
       },
@@ -255,17 +257,17 @@ FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optic
   for (int k = 0; k < directions; ++k) {
     const double angle = 2 * std::numbers::pi * k / directions;
     Eigen::VectorXd from = without.values;
-    from(SiteImages::lattice_parameters) = 0.3 * defocus;
-    from(SiteImages::shape_parameters) = std::numbers::sqrt3 * defocus * std::cos(angle);
-    from(SiteImages::shape_parameters + 1) = std::numbers::sqrt3 * defocus * std::sin(angle);
+    from(lattice_parameters) = 0.3 * defocus;
+    from(shape_parameters) = std::numbers::sqrt3 * defocus * std::cos(angle);
+    from(shape_parameters + 1) = std::numbers::sqrt3 * defocus * std::sin(angle);
     starts.push_back(std::move(from));
   }
   starts = best_ends(maximised_from(starts, evaluate, first_steps, threads), followed);
   const std::vector<MaximumLikelihood> ends = maximised_from(starts, evaluate, more_steps, threads);
   const MaximumLikelihood& best = ends[0].minus_log < ends[1].minus_log ? ends[0] : ends[1];
-  return {.x_um = best.values(SiteImages::shape_parameters),
-          .y_um = best.values(SiteImages::shape_parameters + 1),
-          .curvature_um = best.values(SiteImages::shape_parameters + 2),
+  return {.x_um = best.values(shape_parameters),
+          .y_um = best.values(shape_parameters + 1),
+          .curvature_um = best.values(shape_parameters + 2),
           .zernike_um = SiteImages::zernike(best.values),
           .gain = without.minus_log - best.minus_log};
 }

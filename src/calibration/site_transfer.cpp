@@ -230,15 +230,20 @@ Sums sum_up(const FrameSequence& frames, const StackModel& model, const std::vec
   return sums;
 }
 
+/// Of a pixel, from frame to frame.
+double variance_of_rest(const Sums& sums, std::size_t pixel, double frames) {
+  double squares = 0;
+  for (const auto& block : sums.squares) squares += block[pixel];
+  return (squares - sums.rest[pixel] * sums.rest[pixel] / frames) / (frames - 1);
+}
+
 /// Variance of the used pixels together that they have because whole frames are brighter or darker: a bias
 /// that drifts, light that flickers. It is no noise of single electrons.
 double common_of_all(const Sums& sums, const std::vector<std::uint8_t>& used, double frames) {
   double pixels = 0, variance = 0;
   for (std::size_t i = 0; i < used.size(); ++i) {
     if (!used[i]) continue;
-    double squares = 0;
-    for (const auto& block : sums.squares) squares += block[i];
-    variance += (squares - sums.rest[i] * sums.rest[i] / frames) / (frames - 1);
+    variance += variance_of_rest(sums, i, frames);
     ++pixels;
   }
   if (!(pixels > 0)) return 0;
@@ -286,10 +291,7 @@ std::vector<double> variance_of_other_images(const StackModel& model, const Sums
                                              const std::vector<double>& changes, double frames) {
   const std::size_t pixels = sums.rest.size(), sites = model.sites.size();
   std::vector<double> own(pixels, 0), variance(pixels, 0);
-  for (std::size_t i = 0; i < pixels; ++i) {
-    for (const auto& block : sums.squares) own[i] += block[i];
-    own[i] = (own[i] - sums.rest[i] * sums.rest[i] / frames) / (frames - 1);
-  }
+  for (std::size_t i = 0; i < pixels; ++i) own[i] = variance_of_rest(sums, i, frames);
   for (std::size_t s = 0; s < sites; ++s) {
     if (!(changes[s] > 0)) continue;
     double mean = 0;

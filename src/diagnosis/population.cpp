@@ -6,46 +6,13 @@
 #include <numbers>
 
 #include "base/random.hpp"
+#include "diagnosis/simulated_frames.hpp"
 #include "simulation/parallel.hpp"
-#include "simulation/simulation.hpp"
 
 namespace atomcam {
 namespace {
 
-constexpr std::size_t kept_bytes = 64u << 20;
-constexpr std::uint64_t first_dark_frame = 1000000;
 constexpr std::uint64_t optical_systems = 40;  // different draws of shared parameters
-
-/// Rendered when visited; kept in memory if they are few.
-class SimulatedFrames : public FrameSequence {
- public:
-  SimulatedFrames(const Lab& lab, std::size_t frames, bool shutter_open)
-      : simulation_(lab), count_(frames), settings_(simulation_.lab().settings) {
-    settings_.shutter_open = shutter_open;
-    first_ = shutter_open ? 0 : first_dark_frame;
-    if (frames * shape().pixels() * 2 <= kept_bytes)
-      for (std::size_t n = 0; n < frames; ++n) kept_.push_back(render(n));
-  }
-  std::size_t frames() const override { return count_; }
-  Shape shape() const override { return {settings_.output_height(), settings_.output_width()}; }
-  void visit(const std::function<void(std::size_t, const CountImage&)>& take) const override {
-    for (std::size_t n = 0; n < count_; ++n) {
-      if (!kept_.empty())
-        take(n, kept_[n]);
-      else
-        take(n, render(n));
-    }
-  }
-
- private:
-  CountImage render(std::size_t n) const { return simulation_.render(first_ + n, settings_).counts; }
-
-  Simulation simulation_;
-  std::size_t count_;
-  CameraSettings settings_;
-  std::uint64_t first_ = 0;
-  std::vector<CountImage> kept_;
-};
 
 }  // namespace
 

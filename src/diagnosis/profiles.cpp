@@ -11,8 +11,8 @@
 #include "analysis/plane.hpp"
 #include "analysis/products.hpp"
 #include "calibration/site_light.hpp"
+#include "diagnosis/simulated_frames.hpp"
 #include "simulation/parallel.hpp"
-#include "simulation/simulation.hpp"
 
 namespace atomcam {
 namespace {
@@ -389,26 +389,6 @@ class Measurement {
   }
 };
 
-class SimulatedFrames : public FrameSequence {
- public:
-  SimulatedFrames(const Simulation& simulation, std::size_t frames, bool open)
-      : simulation_(simulation), count_(frames), settings_(simulation.lab().settings) {
-    settings_.shutter_open = open;
-  }
-  std::size_t frames() const override { return count_; }
-  Shape shape() const override { return {settings_.output_height(), settings_.output_width()}; }
-  void visit(const std::function<void(std::size_t, const CountImage&)>& take) const override {
-    constexpr std::uint64_t first_dark_frame = 1000000;
-    for (std::size_t n = 0; n < count_; ++n)
-      take(n, simulation_.render(n + (settings_.shutter_open ? 0 : first_dark_frame), settings_).counts);
-  }
-
- private:
-  const Simulation& simulation_;
-  std::size_t count_;
-  CameraSettings settings_;
-};
-
 }  // namespace
 
 Profiles measure_profiles(const StackModel& model, const FrameSequence& frames, const FrameSequence* darks) {
@@ -427,8 +407,7 @@ std::vector<Profiles> simulate_profiles(const StackModel& model, const Lab& lab,
     Lab own = lab;
     own.seed = seed + static_cast<std::uint64_t>(n);
     own.serial = std::to_string(own.seed);  // another sensor of the same make
-    const Simulation simulation(std::move(own));
-    const SimulatedFrames light(simulation, frames, true), darks(simulation, dark_frames, false);
+    const SimulatedFrames light(own, frames, true), darks(own, dark_frames, false);
     all[static_cast<std::size_t>(n)] = measure_profiles(model, light, dark_frames > 0 ? &darks : nullptr);
     const int count = ++done;
     if (progress) progress(count);

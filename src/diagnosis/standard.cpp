@@ -157,9 +157,13 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
         given(static_cast<Eigen::Index>(j)) = population.draws(k, known_[j]);
       const Eigen::VectorXd z = scaled(without, statistics.row(k).transpose());
       const Eigen::VectorXd delta = deltas(without, z, given, reach_);
-      own_.row(k) = (z - without.slope * delta).transpose();
+      // In the unit of all stacks: where few of them have anything, that of most may be another.
+      own_.row(k) = (z - without.slope * delta).cwiseProduct(without.spread).transpose();
       for (Eigen::Index i = 0; i < p; ++i)
-        if (!std::isfinite(statistics(k, i)) || without.spread(i) <= 0) own_(k, i) = 0;
+        if (std::isfinite(statistics(k, i)) && fit_.spread(i) > 0)
+          own_(k, i) /= fit_.spread(i);
+        else
+          own_(k, i) = 0;
       misses_.row(k) =
           (without.draw_mean + delta.cwiseProduct(without.draw_spread)).transpose() - population.draws.row(k);
     }

@@ -26,11 +26,11 @@ struct Lines {
     for (double& value : values) value += normal(random);
     return values;
   }
-  Population population(double width = 1) {
+  Population population(double width = 1, Eigen::Index count = stacks) {
     Population made;
-    made.draws.resize(stacks, parameters);
-    made.whole.resize(stacks, statistics);
-    for (Eigen::Index n = 0; n < stacks; ++n) {
+    made.draws.resize(count, parameters);
+    made.whole.resize(count, statistics);
+    for (Eigen::Index n = 0; n < count; ++n) {
       for (Eigen::Index j = 0; j < parameters; ++j) made.draws(n, j) = width * normal(random);
       made.whole.row(n) = stack(made.draws.row(n).transpose()).transpose();
     }
@@ -95,6 +95,21 @@ TEST(Standard, APartOfAnOutlierMeansNothing) {
 }
 
 // A calibration's parameter is left where it is known to be.
+// A bin of a histogram into which something falls in one stack of thirty: whether its spread is that of the
+// many or that of the few is chance, and differs between all stacks and those without a fold.
+TEST(Standard, WhatAFewOfItsStacksHaveIsNoDifference) {
+  constexpr Eigen::Index rare = statistics - 1;
+  for (const int few : {1, 2, 3, 4, 5}) {
+    Lines lines;
+    Population population = lines.population(1, 90);
+    population.whole.col(rare).setZero();
+    for (int k = 0; k < few; ++k) population.whole(9 + 11 * k, rare) = 0.016;
+    Eigen::VectorXd stack = lines.stack(Eigen::Vector2d(0, 0));
+    stack(rare) = 0.016;
+    EXPECT_LT(std::fabs(Standard(population, Part::whole).judge(stack)(rare)), 5) << few;
+  }
+}
+
 TEST(Standard, DrawsOutFromTheFirstOnly) {
   Lines lines;
   const Standard standard(lines.population(0.12), Part::whole);

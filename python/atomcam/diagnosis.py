@@ -43,8 +43,8 @@ class Diagnosis:
 
     @property
     def effects(self) -> list[dict[str, Any]]:
-        """Found effects: `name`, `stage`, `parameters` {name: {`value`, `error`, `unit`}} with one standard error,
-        `probability`, `confusable_with`."""
+        """Found effects: `name`, `stage`, `parameters` {name: {`value`, `error`, `interval`, `unit`}} with one standard
+        error and the two ends of it, `probability`, `confusable_with`."""
         return list(self.as_dict()["effects"])
 
     @property

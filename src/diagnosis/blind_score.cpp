@@ -86,7 +86,7 @@ void BlindScore::add(const BlindResult& result) {
     for (const BlindEffect& sealed : result.sealed)
       if (sealed.name == one.name && sealed.strength > 0) {
         ++strengths_;
-        covered_ += std::fabs(one.strength - sealed.strength) <= one.error;
+        covered_ += one.low <= sealed.strength && sealed.strength <= one.high;
       }
   }
   if (result.sealed.size() > 1 && result.verdict != "no_gap") {
@@ -145,7 +145,7 @@ std::string BlindScore::tables() const {
   if (pairs_ > 0) out += fmt::format("| both named, of detected pairs | {} |\n", share(pairs_both_, pairs_));
   if (strengths_ > 0)
     out +=
-        fmt::format("| true strength within one error (68 % expected) | {} |\n", share(covered_, strengths_));
+        fmt::format("| true strength in its interval (68 % expected) | {} |\n", share(covered_, strengths_));
   out += "\n| sealed | called |\n| --- | --- |\n";
   for (const auto& [sealed, names] : called_) {
     std::vector<std::string> parts;

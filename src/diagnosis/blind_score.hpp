@@ -13,7 +13,7 @@ namespace atomcam {
 struct BlindResult {
   struct Found {
     std::string name, stage;
-    double strength = 0, error = 0;  // of the effect's first parameter
+    double low = 0, high = 0;  // of the strength, the effect's first parameter: 68 % interval
   };
   std::vector<BlindEffect> sealed;
   std::string verdict;  // as in diagnosis.json

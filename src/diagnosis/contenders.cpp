@@ -10,11 +10,13 @@
 
 #include "diagnosis/gap_closed.hpp"
 #include "diagnosis/known_optics.hpp"
+#include "diagnosis/wider_estimate.hpp"
 
 namespace atomcam {
 namespace {
 
-constexpr int first_rounds = 3, more_rounds = 8, most_followed = 3, judged_stacks = 90, more_looks = 3;
+constexpr int first_rounds = 3, more_rounds = 8, most_followed = 3, judged_stacks = 90, more_looks = 3,
+              optics_steps = 2;
 
 // Once a model has come near, how many times as far another one may be after two rounds; and another start
 // of the same effects, which is to be a better one, after its first.
@@ -25,6 +27,8 @@ constexpr double hardly_odd = 0.001;  // likewise: what has not closed the gap m
 constexpr double worthwhile = 0.9;    // of the plain model's distance: farther away is not followed up
 constexpr double far_away = 1.4;      // nothing at this distance has ever closed two thirds of a gap
 constexpr double beyond_doubt = 30;   // of the logarithmic likelihood, behind the likeliest
+constexpr double as_good = 5;         // likewise: it is learned from some tens of stacks
+constexpr double other_stacks = 10;   // likewise: what it goes down by when these are others
 constexpr double out_of_reach = 100;  // likewise, behind one that explains the frames
 constexpr double reachable = 3;       // nothing farther away has come near in still more rounds
 
@@ -197,7 +201,6 @@ struct Judged {
 /// The likeliest that passes; of those as good as that, the one that the frames are least odd under: what
 /// looks were gone on for. Which stacks each was judged by is chance: it remembers the oddest.
 Judged& best_of(std::vector<Judged>& looks) {
-  constexpr double as_good = 5;  // of the logarithmic likelihood, which is learned from some tens of stacks
   const auto rank = [](const Judged& one) {
     return std::pair(one.model.p_value >= reject_level, one.model.log_likelihood);
   };
@@ -214,6 +217,94 @@ Judged& best_of(std::vector<Judged>& looks) {
   return *best;
 }
 
+/// What has been learned of the models judged so far.
+struct Standing {
+  double likeliest = -1e300;   // logarithmic likelihood of those that close the gap
+  double explaining = -1e300;  // and of those that explain the frames
+  bool may_be_named(const Model& model, double closed) const {
+    return closed > least_to_pass &&
+           (model.p_value >= reject_level || model.log_likelihood > likeliest - beyond_doubt);
+  }
+};
+
+/// A model is judged by simulating it where a fit has led, and again where that leads.
+class Looks {
+ public:
+  Looks(const FitGround& ground, const std::vector<StatisticDeclaration>& battery, const StackPlan& plan,
+        const Standing& standing, const DiagnosisProgress& progress, double progress_from)
+      : ground_(ground),
+        battery_(battery),
+        plan_(plan),
+        standing_(standing),
+        progress_(progress),
+        from_(progress_from) {}
+
+  Judged& best() { return best_of(looks_); }
+
+  /// Near, and not quite there: as many stacks show the way better than the few of a fit's round.
+  bool near(const Judged& look) const {
+    return look.model.p_value < comfortable &&
+           look.model.log_likelihood > standing_.explaining - out_of_reach &&
+           (look.closed > least_to_pass || look.model.p_value > hardly_odd ||
+            differs_as_own_stacks(look.model, *ground_.plain, battery_));
+  }
+
+  void look_from(Model start, const std::string& name) {
+    const std::size_t first = looks_.size();
+    looks_.push_back(judged(std::move(start), "/" + name, false));
+    for (std::size_t more = 1; more <= more_looks && near(looks_.back()); ++more) {
+      const bool calibrated = calibrates_elsewhere(looks_.back().model);
+      Judged next = judged(about_estimate(looks_.back().model, calibrated),
+                           fmt::format(" {}/{}", looks_.size() - first, name), calibrated);
+      if (next.model.log_likelihood < looks_.back().model.log_likelihood &&
+          next.model.p_value < looks_.back().model.p_value)
+        break;
+      looks_.push_back(std::move(next));
+    }
+  }
+
+  /// Near by all that the fit goes by, and perhaps still on the way: where optics make up for a part of it.
+  void follow_optics(const std::string& name) {
+    if (!standing_.may_be_named(best().model, best().closed)) return;
+    std::swap(best(), looks_.back());
+    for (int step = 0;; ++step) {
+      Model& last = looks_.back().model;
+      const std::string number = fmt::format(" along {}/{}", step, name);
+      const bool away = estimate_with_wider_optics(last, *ground_.real.values, judged_stacks, plan_,
+                                                   numbers_of("optics" + number));
+      if (!away || step == optics_steps) break;
+      Judged next = judged(about_estimate(last, true), number, true);
+      if (next.model.log_likelihood < last.log_likelihood - other_stacks) break;
+      learn_from(next.model, last);
+      looks_.push_back(std::move(next));
+    }
+    if (&best() != &looks_.back()) take_estimate(best().model, looks_.back().model);
+  }
+
+ private:
+  Judged judged(Model model, const std::string& number, bool calibrated) {
+    if (!calibrated) recalibrate(model, ground_.real, plan_, numbers_of("calibration" + number));
+    // A point-spread function per site leaves no time for many optical systems.
+    if (model.has(field_focus_effect)) leave_undrawn(model, *ground_.plain);
+    judge(model, *ground_.real.values, judged_stacks, plan_, numbers_of("judge" + number), ground_.plain,
+          [&](int done) {
+            progress_(title(model), from_ + part_ * std::min(1.0, static_cast<double>(done) / judged_stacks));
+          });
+    from_ += part_;
+    part_ /= 2;
+    const double closed = closed_by(model, *ground_.plain, battery_);
+    return {std::move(model), closed};
+  }
+
+  const FitGround& ground_;
+  const std::vector<StatisticDeclaration>& battery_;
+  const StackPlan& plan_;
+  const Standing& standing_;
+  const DiagnosisProgress& progress_;
+  double from_, part_ = 0.05;  // of the progress
+  std::vector<Judged> looks_;
+};
+
 }  // namespace
 
 std::string title(const Model& model) {
@@ -228,61 +319,27 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
   race.first(alone);
   race.follow_up();
   std::vector<double> closed;
-  double likeliest = -1e300, explaining = -1e300;
+  Standing standing;
   for (std::size_t k = 0; k < contenders.size(); ++k) {
     const std::string& name = contenders[k].name;
     Model& model = contenders[k].model;
-    double from = 0.7 + 0.1 * static_cast<double>(k), part = 0.05;
-    const auto judged = [&](Model one, const std::string& number, bool calibrated) {
-      if (!calibrated) recalibrate(one, ground.real, plan, numbers_of("calibration" + number));
-      // A point-spread function per site leaves no time for many optical systems.
-      if (one.has(field_focus_effect)) leave_undrawn(one, *ground.plain);
-      judge(one, *ground.real.values, judged_stacks, plan, numbers_of("judge" + number), ground.plain,
-            [&](int done) {
-              progress(title(one), from + part * std::min(1.0, static_cast<double>(done) / judged_stacks));
-            });
-      from += part;
-      part /= 2;
-      const double by_it = closed_by(one, *ground.plain, battery);
-      return Judged{std::move(one), by_it};
-    };
-    std::vector<Judged> looks;
-    // Near, and not quite there: as many stacks show the way better than the few of a fit's round.
-    const auto near = [&](const Judged& look) {
-      return look.model.p_value < comfortable && look.model.log_likelihood > explaining - out_of_reach &&
-             (look.closed > least_to_pass || look.model.p_value > hardly_odd ||
-              differs_as_own_stacks(look.model, *ground.plain, battery));
-    };
-    const auto look_from = [&](Model start, const std::string& start_name) {
-      const std::size_t first = looks.size();
-      looks.push_back(judged(std::move(start), "/" + start_name, false));
-      for (std::size_t more = 1; more <= more_looks && near(looks.back()); ++more) {
-        const bool calibrated = calibrates_elsewhere(looks.back().model);
-        Judged next = judged(about_estimate(looks.back().model, calibrated),
-                             fmt::format(" {}/{}", looks.size() - first, start_name), calibrated);
-        if (next.model.log_likelihood < looks.back().model.log_likelihood &&
-            next.model.p_value < looks.back().model.p_value)
-          break;
-        looks.push_back(std::move(next));
-      }
-    };
-    look_from(std::move(model), name);
+    Looks looks(ground, battery, plan, standing, progress, 0.7 + 0.1 * static_cast<double>(k));
+    looks.look_from(std::move(model), name);
     // Of starts that all came near the distance hardly tells the right one.
-    if (const Judged& best = best_of(looks); near(best))
+    if (const Judged& best = looks.best(); looks.near(best))
       if (Contender* second = race.second_start(best.model))
-        look_from(std::move(second->model), second->name);
-    Judged& best = best_of(looks);
-    closed.push_back(best.closed);
-    model = std::move(best.model);
+        looks.look_from(std::move(second->model), second->name);
+    looks.follow_optics(name);
+    closed.push_back(looks.best().closed);
+    model = std::move(looks.best().model);
     if (closed.back() < least_to_pass) continue;
-    likeliest = std::max(likeliest, model.log_likelihood);
-    if (model.oddest >= comfortable) explaining = std::max(explaining, model.log_likelihood);
+    standing.likeliest = std::max(standing.likeliest, model.log_likelihood);
+    if (model.oddest >= comfortable)
+      standing.explaining = std::max(standing.explaining, model.log_likelihood);
   }
   // What will not be named needs no errors.
   for (std::size_t k = 0; k < contenders.size(); ++k)
-    if (Model& model = contenders[k].model;
-        closed[k] > least_to_pass &&
-        (model.p_value >= reject_level || model.log_likelihood > likeliest - beyond_doubt))
+    if (Model& model = contenders[k].model; standing.may_be_named(model, closed[k]))
       widen(model, *ground.real.values, judged_stacks, plan, numbers_of("widen/" + contenders[k].name));
   return contenders;
 }

@@ -33,6 +33,7 @@ struct Difference {
 struct FoundParameter {
   std::string name, unit;
   double value = 0, error = 0;
+  double low = 0, high = 0;  // one standard error to either side, on the scale on which errors are even
 };
 struct FoundEffect {
   std::string name, stage;

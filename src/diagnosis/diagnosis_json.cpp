@@ -19,7 +19,10 @@ Json effects_of(const Diagnosis& diagnosis) {
   for (const FoundEffect& effect : diagnosis.effects) {
     Json parameters = Json::object();
     for (const FoundParameter& p : effect.parameters)
-      parameters[p.name] = {{"value", number(p.value)}, {"error", number(p.error)}, {"unit", p.unit}};
+      parameters[p.name] = {{"value", number(p.value)},
+                            {"error", number(p.error)},
+                            {"interval", {number(p.low), number(p.high)}},
+                            {"unit", p.unit}};
     effects.push_back({{"name", effect.name},
                        {"stage", effect.stage},
                        {"parameters", std::move(parameters)},

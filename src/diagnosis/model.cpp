@@ -220,6 +220,7 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
                                      model.open, model.first_effect_parameter);
   model.estimate = estimate.value;
   model.error = estimate.error;
+  model.response = model.standard->response();
   const Eigen::VectorXd tolerated = model.standard->tolerated(model.z);
   model.p_value = model.test->p_value(tolerated);
   model.gap = gap_of(model.z);
@@ -229,37 +230,6 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   const double width = log_width(*model.standard, *model.correlation);
   model.usual_log_likelihood =
       -0.5 * model.correlation->squares(compressed_rows(own).transpose()).mean() - width;
-}
-
-void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first) {
-  constexpr double follows = 0.75, wider = 2.2, widest = 0.12;  // the last: of a parameter's range
-  constexpr int times = 2;
-  const Eigen::Index from = model.first_effect_parameter;
-  Eigen::VectorXd response = model.standard->response();
-  for (int time = 0; time < times; ++time) {
-    bool narrow = false;
-    for (Eigen::Index k = from; k < response.size(); ++k) {
-      Uncertain& one = model.open[static_cast<std::size_t>(k)];
-      const double most = widest * (one.highest - one.lowest);
-      if (one.width <= 0 || one.width >= most || response(k) > follows) continue;
-      one.width = std::min(wider * one.width, most);
-      narrow = true;
-    }
-    if (!narrow) return;
-    Population population = simulate_population(model.lab, model.open, stacks, plan,
-                                                first + static_cast<std::uint64_t>(time) * 10000);
-    const Standard standard(population, Part::whole, {}, model.standard->discrepancy(), effects_reach);
-    const auto estimate = within_draws(standard.drawn_out(as_vector(real.whole), from), model.open, from);
-    // Over wider draws statistics bend: that must not cost more than it gains.
-    double gain = 0;
-    for (Eigen::Index k = from; k < response.size(); ++k)
-      gain += std::log(std::max(1e-12, model.error(k)) / std::max(1e-12, estimate.error(k)));
-    if (gain < 0) return;
-    model.estimate = estimate.value;
-    model.error = estimate.error;
-    model.wider = std::move(population);
-    response = standard.response();
-  }
 }
 
 std::string beyond_its_law(const Model& model) {

@@ -29,6 +29,7 @@ struct Model {
   std::unique_ptr<Correlation> correlation;  // of its own stacks' statistics
   std::unique_ptr<OmnibusTest> test;
   Eigen::VectorXd estimate, error;  // open parameters for the real stack, coordinates
+  Eigen::VectorXd response;         // how much of a draw's way from the middle such an estimate goes
   Eigen::VectorXd z;                // the real stack's residuals
   double p_value = 1;               // of the real stack, the model's discrepancy granted
   double oddest = 1;                // smallest p-value of the places tried that are as likely as this one
@@ -94,10 +95,6 @@ Eigen::MatrixXd tolerated_own(const Model& model);
 /// discrepancy that a model with effects is allowed; none of it without.
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,
            const Model* plain = nullptr, const std::function<void(int)>& progress = {});
-
-/// Draws that are narrow beside the error of an estimate hardly show how the statistics follow a parameter.
-/// `stacks` more, with wider draws of the effects' parameters that were so, to estimate them from (`wider`).
-void widen(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first);
 
 /// What the frames want of one of the model's effects that it cannot be: a parameter beside its strength that
 /// is estimated clearly beyond its maximum (noise that forgets so slowly that it is a drift); else empty.

@@ -85,9 +85,9 @@ std::vector<FoundEffect> found_effects(const Named& named) {
         if (one.name != key) continue;
         const auto at = static_cast<Eigen::Index>(k);
         const double c = std::clamp(model.estimate(at), one.lowest, one.highest);
-        const double error = 0.5 * std::fabs(one.value(std::min(one.highest, c + model.error(at))) -
-                                             one.value(std::max(one.lowest, c - model.error(at))));
-        found.parameters.push_back({p.key, p.unit, one.value(c), error});
+        const double low = one.value(std::max(one.lowest, c - model.error(at))),
+                     high = one.value(std::min(one.highest, c + model.error(at)));
+        found.parameters.push_back({p.key, p.unit, one.value(c), 0.5 * (high - low), low, high});
       }
     }
     list.push_back(std::move(found));

@@ -89,6 +89,7 @@ TEST(DiagnosisJson, KeysAreStable) {
                                           "effects[].stage",
                                           "effects[].parameters.sigma_counts.value",
                                           "effects[].parameters.sigma_counts.error",
+                                          "effects[].parameters.sigma_counts.interval[]",
                                           "effects[].parameters.sigma_counts.unit",
                                           "effects[].probability",
                                           "effects[].confusable_with[]",

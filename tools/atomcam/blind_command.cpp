@@ -114,8 +114,8 @@ BlindResult result_of(const Json& seal, const Json& found) {
   for (const Json& effect : found["effects"]) {
     BlindResult::Found one{effect["name"], effect["stage"]};
     const Json& strength = effect["parameters"][find_effect(one.name)->parameters.front().key];
-    one.strength = strength["value"];
-    one.error = strength["error"];
+    one.low = strength["interval"][0];
+    one.high = strength["interval"][1];
     result.found.push_back(std::move(one));
   }
   if (found["unexplained"]["stage"].is_string()) result.unexplained_stage = found["unexplained"]["stage"];

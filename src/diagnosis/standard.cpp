@@ -15,6 +15,9 @@ constexpr double ordinary = 4;  // deviations that a model's own stacks have now
 constexpr double still = 0.35;
 constexpr double far_reach = 20;  // widths
 constexpr double least_response = 0.2;
+// Logarithm of the ratio of two spreads: where few stacks have anything, that of all and that of those
+// without a fold may be worlds apart, and count in the unit of all.
+constexpr double another_unit = 0.5;
 
 std::vector<double> finite_column(const Eigen::MatrixXd& matrix, Eigen::Index column) {
   std::vector<double> values;
@@ -157,13 +160,15 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
         given(static_cast<Eigen::Index>(j)) = population.draws(k, known_[j]);
       const Eigen::VectorXd z = scaled(without, statistics.row(k).transpose());
       const Eigen::VectorXd delta = deltas(without, z, given, reach_);
-      // In the unit of all stacks: where few of them have anything, that of most may be another.
-      own_.row(k) = (z - without.slope * delta).cwiseProduct(without.spread).transpose();
-      for (Eigen::Index i = 0; i < p; ++i)
-        if (std::isfinite(statistics(k, i)) && fit_.spread(i) > 0)
-          own_(k, i) /= fit_.spread(i);
-        else
+      own_.row(k) = (z - without.slope * delta).transpose();
+      for (Eigen::Index i = 0; i < p; ++i) {
+        if (!std::isfinite(statistics(k, i)) || without.spread(i) <= 0 || fit_.spread(i) <= 0) {
           own_(k, i) = 0;
+        } else if (const double ratio = without.spread(i) / fit_.spread(i);
+                   std::fabs(std::log(ratio)) > another_unit) {
+          own_(k, i) *= ratio;
+        }
+      }
       misses_.row(k) =
           (without.draw_mean + delta.cwiseProduct(without.draw_spread)).transpose() - population.draws.row(k);
     }

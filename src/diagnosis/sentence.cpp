@@ -105,10 +105,14 @@ std::string sentence_of(const Diagnosis& d) {
         others.insert(effect.confusable_with.begin(), effect.confusable_with.end());
       return fmt::format("{} or {}: these frames cannot tell them apart.", names(), fmt::join(others, ", "));
     }
-    case Verdict::unexplained:
+    case Verdict::unexplained: {
+      // Notes of another camera make a gap, too.
+      const std::vector<std::string>& warnings = d.calibration.warnings;
       return fmt::format(
-          "There is a gap (p = {:.1g}), most likely in the {} stage, and no known effect explains it: {}.",
-          d.p_gap, d.unexplained.stage, d.unexplained.looks_like);
+          "There is a gap (p = {:.1g}), most likely in the {} stage, and no known effect explains it: {}.{}",
+          d.p_gap, d.unexplained.stage, d.unexplained.looks_like,
+          warnings.empty() ? "" : fmt::format(" Calibration warns: {}.", fmt::join(warnings, "; ")));
+    }
   }
   return "";
 }

@@ -15,5 +15,15 @@ TEST(Sentence, NamesEveryNeighbourOnce) {
             "row_noise and hot_pixels or cosmic_rays, dual_adc_peaks: these frames cannot tell them apart.");
 }
 
+TEST(Sentence, SaysWhatCalibrationWarnsOf) {
+  Diagnosis diagnosis;
+  diagnosis.verdict = Verdict::unexplained;
+  diagnosis.unexplained.stage = "sensor";
+  diagnosis.unexplained.looks_like = "static";
+  EXPECT_EQ(sentence_of(diagnosis).find("warns"), std::string::npos);
+  diagnosis.calibration.warnings = {"sites", "gain"};
+  EXPECT_TRUE(sentence_of(diagnosis).ends_with(" Calibration warns: sites; gain.")) << sentence_of(diagnosis);
+}
+
 }  // namespace
 }  // namespace atomcam

@@ -73,6 +73,7 @@ void print_summary(const Diagnosis& diagnosis) {
     for (const FoundParameter& p : effect.parameters)
       fmt::print("  {}.{} = {:.4g} +- {:.2g}{}{}\n", effect.name, p.name, p.value, p.error,
                  p.unit == "1" ? "" : " ", p.unit == "1" ? "" : p.unit);
+  for (const std::string& one : diagnosis.calibration.warnings) fmt::print("warning: {}\n", one);
   for (const std::string& one : diagnosis.next_measurement) fmt::print("next: {}\n", one);
 }
 

@@ -29,6 +29,7 @@ constexpr double far_away = 1.4;      // nothing at this distance has ever close
 constexpr double beyond_doubt = 30;   // of the logarithmic likelihood, behind the likeliest
 constexpr double as_good = 5;         // likewise: it is learned from some tens of stacks
 constexpr double other_stacks = 10;   // likewise: what it goes down by when these are others
+constexpr double closes_less = 0.05;  // of the gap: what scatters widely is not led there
 constexpr double out_of_reach = 100;  // likewise, behind one that explains the frames
 constexpr double reachable = 3;       // nothing farther away has come near in still more rounds
 
@@ -274,7 +275,9 @@ class Looks {
                                                    numbers_of("optics" + number));
       if (!away || step == optics_steps) break;
       Judged next = judged(about_estimate(last, true), number, true);
-      if (next.model.log_likelihood < last.log_likelihood - other_stacks) break;
+      if (next.model.log_likelihood < last.log_likelihood - other_stacks ||
+          next.closed < looks_.back().closed - closes_less)
+        break;
       learn_from(next.model, last);
       looks_.push_back(std::move(next));
     }

@@ -94,7 +94,6 @@ TEST(Standard, APartOfAnOutlierMeansNothing) {
   EXPECT_GT(standard.judge(stack)(20), 10);
 }
 
-// A calibration's parameter is left where it is known to be.
 // A bin of a histogram into which something falls in one stack of thirty: whether its spread is that of the
 // many or that of the few is chance, and differs between all stacks and those without a fold.
 TEST(Standard, WhatAFewOfItsStacksHaveIsNoDifference) {
@@ -110,6 +109,7 @@ TEST(Standard, WhatAFewOfItsStacksHaveIsNoDifference) {
   }
 }
 
+// A calibration's parameter is left where it is known to be.
 TEST(Standard, DrawsOutFromTheFirstOnly) {
   Lines lines;
   const Standard standard(lines.population(0.12), Part::whole);

@@ -105,7 +105,8 @@ void make(MakeOptions options) {
   });
 }
 
-BlindResult result_of(const Json& seal, const Json& found) {
+BlindResult result_of(const Json& seal, const Path& file) {
+  const Json found = read_json(file);
   BlindResult result;
   for (const Json& effect : seal["effects"])
     result.sealed.push_back({effect["name"], effect["stage"], effect.value("strength", 0.0),
@@ -114,6 +115,9 @@ BlindResult result_of(const Json& seal, const Json& found) {
   for (const Json& effect : found["effects"]) {
     BlindResult::Found one{effect["name"], effect["stage"]};
     const Json& strength = effect["parameters"][find_effect(one.name)->parameters.front().key];
+    if (!strength.contains("interval"))
+      throw Error(file.string(),
+                  "is of an older version, without intervals: remove it to have the stack judged again");
     one.low = strength["interval"][0];
     one.high = strength["interval"][1];
     result.found.push_back(std::move(one));
@@ -169,7 +173,7 @@ void score(const ScoreOptions& options) {
           continue;
         }
       }
-      tables.add(result_of(seal, read_json(result)));
+      tables.add(result_of(seal, result));
       progress.update(++done);
     }
     const std::string table = tables.tables();

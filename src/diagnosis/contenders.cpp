@@ -178,14 +178,30 @@ bool calibrates_elsewhere(const Model& model) {
   return false;
 }
 
+/// Other effects make the frames odd: only what is closed says how good it is.
+bool in_part(const Model& model) {
+  return !model.explains.empty();
+}
+
+/// Whether frames tell an effect's parameter far better than it was drawn: what its draws alone make scatter
+/// hides what is left of the gap. Where it is told to be outside them it need not be there.
+bool drawn_too_widely(const Model& model, Eigen::Index parameter) {
+  constexpr double too_wide = 4;  // errors
+  const Uncertain& one = model.open[static_cast<std::size_t>(parameter)];
+  return one.width > too_wide * model.error(parameter) &&
+         std::fabs(model.estimate(parameter) - one.centre) < one.width;
+}
+
 /// The model about where judging it has led, its effects alone or its calibration as well.
 Model about_estimate(const Model& model, bool calibration) {
   constexpr double farthest = 4;  // widths
+  constexpr double narrow = 2;    // errors
   Model moved = model.unjudged();
   for (Eigen::Index k = model.first_effect_parameter; k < std::ssize(moved.open); ++k) {
     Uncertain& one = moved.open[static_cast<std::size_t>(k)];
     const double way =
         std::clamp(model.estimate(k) - one.centre, -farthest * one.width, farthest * one.width);
+    if (in_part(model) && drawn_too_widely(model, k)) one.width = narrow * model.error(k);
     one.centre = std::clamp(one.centre + way, one.lowest, one.highest);
   }
   if (calibration)
@@ -200,8 +216,12 @@ struct Judged {
 };
 
 /// The likeliest that passes; of those as good as that, the one that the frames are least odd under: what
-/// looks were gone on for. Which stacks each was judged by is chance: it remembers the oddest.
+/// looks were gone on for. Of what explains a part, the one that closes most. Which stacks each was judged by
+/// is chance: it remembers the oddest.
 Judged& best_of(std::vector<Judged>& looks) {
+  if (in_part(looks.front().model))
+    return *std::max_element(looks.begin(), looks.end(),
+                             [](const Judged& a, const Judged& b) { return a.closed < b.closed; });
   const auto rank = [](const Judged& one) {
     return std::pair(one.model.p_value >= reject_level, one.model.log_likelihood);
   };
@@ -242,6 +262,14 @@ class Looks {
 
   Judged& best() { return best_of(looks_); }
 
+  /// Near, or of a part and drawn too widely to say how much of it is explained.
+  bool worth_another(const Judged& look) const {
+    if (in_part(look.model))
+      for (Eigen::Index k = look.model.first_effect_parameter; k < std::ssize(look.model.open); ++k)
+        if (drawn_too_widely(look.model, k)) return true;
+    return near(look);
+  }
+
   /// Near, and not quite there: as many stacks show the way better than the few of a fit's round.
   bool near(const Judged& look) const {
     return look.model.p_value < comfortable &&
@@ -253,11 +281,11 @@ class Looks {
   void look_from(Model start, const std::string& name) {
     const std::size_t first = looks_.size();
     looks_.push_back(judged(std::move(start), "/" + name, false));
-    for (std::size_t more = 1; more <= more_looks && near(looks_.back()); ++more) {
+    for (std::size_t more = 1; more <= more_looks && worth_another(looks_.back()); ++more) {
       const bool calibrated = calibrates_elsewhere(looks_.back().model);
       Judged next = judged(about_estimate(looks_.back().model, calibrated),
                            fmt::format(" {}/{}", looks_.size() - first, name), calibrated);
-      if (next.model.log_likelihood < looks_.back().model.log_likelihood &&
+      if (!in_part(next.model) && next.model.log_likelihood < looks_.back().model.log_likelihood &&
           next.model.p_value < looks_.back().model.p_value)
         break;
       looks_.push_back(std::move(next));

@@ -1,4 +1,5 @@
 // Frames of a real EMCCD in the dark, from a folder that ATOMCAM_DATA names.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,9 +14,7 @@
 namespace atomcam {
 namespace {
 
-constexpr int size = 160;
-
-std::vector<CountImage> middle_of_the_dark_frames(const std::filesystem::path& data) {
+std::vector<CountImage> middle_of_the_dark_frames(const std::filesystem::path& data, int size = 160) {
   const auto whole = open_frames(data / "real" / "jqi-andor512-emccd" / "Background_*.tiff");
   std::vector<CountImage> middle;
   whole->visit([&](std::size_t, const CountImage& frame) {
@@ -28,10 +27,11 @@ std::vector<CountImage> middle_of_the_dark_frames(const std::filesystem::path& d
   return middle;
 }
 
-Notes notes_of_the_dark_frames() {
+Notes notes_of_the_dark_frames(int size = 160) {
   return parse_notes(
-      R"({"camera": "iXon 897 EMCCD", "shape": [160, 160], "settings": {"em_gain": 100, "preamp_e_per_adu": 10,
-          "bias_adu": 486, "read_noise_adu": 3, "cic_e": 0.3}})",
+      fmt::format(R"({{"camera": "iXon 897 EMCCD", "shape": [{0}, {0}], "settings": {{"em_gain": 100,
+          "preamp_e_per_adu": 10, "bias_adu": 486, "read_noise_adu": 3, "cic_e": 0.3}}}})",
+                  size),
       "notes");
 }
 
@@ -58,6 +58,23 @@ TEST(RealFrames, ChargeBornInTheRegisterIsSeenAndNamed) {
   EXPECT_NEAR(named.effects[0].parameters[0].value, 1, 0.2);
   EXPECT_GT(named.gap.part_closed, 0.75);
   EXPECT_TRUE(named.unexplained.present);
+}
+
+// The more pixels, the better the strength is told: draws that stay as wide as for few of them make the model
+// scatter so much that it seems to explain less of more frames.
+TEST(RealFrames, ManyPixelsTellAStrengthBetter) {
+  const char* data = std::getenv("ATOMCAM_DATA");
+  if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
+  constexpr int size = 256;
+  DiagnosisOptions options;
+  options.threads = 2;
+  options.include = {"serial_cic"};
+  const Diagnosis named = diagnose(notes_of_the_dark_frames(size),
+                                   FramesInMemory(middle_of_the_dark_frames(data, size)), nullptr, options);
+  ASSERT_EQ(named.effects.size(), 1) << named.sentence;
+  EXPECT_NEAR(named.effects[0].parameters[0].value, 1, 0.2);
+  EXPECT_LT(named.effects[0].parameters[0].error, 0.03);
+  EXPECT_GT(named.gap.part_closed, 0.82);
 }
 
 // Whatever else the frames have: rows that are moved by a count are found, with what they were moved by.

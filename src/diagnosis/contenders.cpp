@@ -195,14 +195,16 @@ bool drawn_too_widely(const Model& model, Eigen::Index parameter) {
 /// The model about where judging it has led, its effects alone or its calibration as well.
 Model about_estimate(const Model& model, bool calibration) {
   constexpr double farthest = 4;  // widths
+  constexpr double untold = 3;    // widths: an error so large says nothing of where to go
   constexpr double narrow = 2;    // errors
   Model moved = model.unjudged();
   for (Eigen::Index k = model.first_effect_parameter; k < std::ssize(moved.open); ++k) {
     Uncertain& one = moved.open[static_cast<std::size_t>(k)];
+    if (model.error(k) > untold * one.width) continue;
     const double way =
         std::clamp(model.estimate(k) - one.centre, -farthest * one.width, farthest * one.width);
     if (in_part(model) && drawn_too_widely(model, k)) one.width = narrow * model.error(k);
-    one.centre = std::clamp(one.centre + way, one.lowest, one.highest);
+    one.centre = one.cycle > 0 ? one.centre + way : one.within(one.centre + way);
   }
   if (calibration)
     for (Eigen::Index k = 0; k < model.first_effect_parameter; ++k)
@@ -227,6 +229,20 @@ Judged& best_of(std::vector<Judged>& looks) {
   };
   Judged* best = &*std::max_element(looks.begin(), looks.end(),
                                     [&](const Judged& a, const Judged& b) { return rank(a) < rank(b); });
+  if (best->model.p_value < comfortable) {
+    // Another start may have led to where they are not odd at all, and there the others' oddness is not its
+    // own.
+    const double least = best->model.log_likelihood - 2 * other_stacks;
+    Judged* explains = nullptr;
+    for (Judged& one : looks)
+      if (one.model.p_value >= comfortable && one.model.log_likelihood >= least &&
+          (!explains || rank(*explains) < rank(one)))
+        explains = &one;
+    if (explains) {
+      explains->model.oddest = explains->model.p_value;
+      return *explains;
+    }
+  }
   const double least = best->model.log_likelihood - as_good;
   double oddest = best->model.p_value;
   for (Judged& one : looks) {

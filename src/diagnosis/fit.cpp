@@ -232,11 +232,9 @@ void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& pla
         one.pull = 0;
         continue;
       }
-      if (one.cycle > 0) {
-        moved -= one.cycle * std::floor((moved - one.lowest) / one.cycle);
-      } else {
+      if (one.cycle == 0) {
         one.make_room_at(moved);
-        moved = std::clamp(moved, one.lowest, one.highest);
+        moved = one.within(moved);
       }
       const double range = one.highest - one.lowest;
       const double went = std::fabs(moved - one.centre);

@@ -36,8 +36,7 @@ Lab Model::fitted_lab() const {
 Lab Model::lab_at(const Eigen::VectorXd& coordinates) const {
   Lab fitted = lab;
   for (std::size_t k = 0; k < open.size(); ++k)
-    open[k].apply(fitted,
-                  std::clamp(coordinates(static_cast<Eigen::Index>(k)), open[k].lowest, open[k].highest));
+    open[k].apply(fitted, open[k].within(coordinates(static_cast<Eigen::Index>(k))));
   fitted.place_sites();
   return fitted;
 }
@@ -57,7 +56,7 @@ Model Model::with_first_effects(std::size_t count, const Eigen::VectorXd& coordi
     Uncertain one = open[k];
     if (static_cast<Eigen::Index>(k) >= first_effect_parameter) {
       if (!one.is_of(fewer.effects)) continue;
-      one.centre = std::clamp(coordinates(static_cast<Eigen::Index>(k)), one.lowest, one.highest);
+      one.centre = one.within(coordinates(static_cast<Eigen::Index>(k)));
       one.width = 0;
     }
     fewer.open.push_back(std::move(one));
@@ -273,7 +272,7 @@ Eigen::MatrixXd calibration_offsets(const Model& model, const RealStack& real, c
   key.add("recalibration").add(plan.seed).add(first);
   Lab lab = model.lab;
   for (const Uncertain& one : model.open) {
-    one.apply(lab, one.centre);
+    one.apply(lab, one.within(one.centre));
     key.add(one.name).add(Eigen::MatrixXd::Constant(1, 1, one.centre));
   }
   if (plan.kept)

@@ -84,9 +84,10 @@ std::vector<FoundEffect> found_effects(const Named& named) {
         const Uncertain& one = model.open[k];
         if (one.name != key) continue;
         const auto at = static_cast<Eigen::Index>(k);
-        const double c = std::clamp(model.estimate(at), one.lowest, one.highest);
-        const double low = one.value(std::max(one.lowest, c - model.error(at))),
-                     high = one.value(std::min(one.highest, c + model.error(at)));
+        const double c = one.within(model.estimate(at)), error = model.error(at);
+        // An angle's interval goes on beyond the bounds, where it comes round again.
+        const double low = one.value(one.cycle > 0 ? c - error : std::max(one.lowest, c - error)),
+                     high = one.value(one.cycle > 0 ? c + error : std::min(one.highest, c + error));
         found.parameters.push_back({p.key, p.unit, one.value(c), 0.5 * (high - low), low, high});
       }
     }

@@ -70,9 +70,7 @@ Eigen::MatrixXd draw_parameters(const std::vector<Uncertain>& open, int stacks, 
                    v = (static_cast<double>(random()) + 0.5) * 0x1p-32;
       const double normal = std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
       double c = open[k].centre + open[k].width * normal;
-      if (open[k].cycle > 0) {
-        c -= open[k].cycle * std::floor((c - open[k].lowest) / open[k].cycle);
-      } else {
+      if (open[k].cycle == 0) {  // what goes round goes on: lines through the draws know of no jump
         // Reflected at the bounds, so that none is favoured.
         if (c > open[k].highest) c = std::max(open[k].lowest, 2 * open[k].highest - c);
         if (c < open[k].lowest) c = std::min(open[k].highest, 2 * open[k].lowest - c);
@@ -113,7 +111,7 @@ Population simulate_population(const Lab& lab, const std::vector<Uncertain>& ope
   parallel_for(stacks, plan.threads, 1, [&](int n) {
     Lab drawn = lab;
     for (std::size_t k = 0; k < open.size(); ++k)
-      open[k].apply(drawn, population.draws(n, static_cast<Eigen::Index>(k)));
+      open[k].apply(drawn, open[k].within(population.draws(n, static_cast<Eigen::Index>(k))));
     drawn.place_sites();
     const BatteryValues values = simulate_and_measure(drawn, plan, first + static_cast<std::uint64_t>(n));
     const auto row = [&](const std::vector<double>& v) {

@@ -67,10 +67,7 @@ Eigen::VectorXd moved_by(const std::vector<Uncertain>& open, Eigen::VectorXd at,
   for (Eigen::Index k = 0; k < at.size(); ++k) {
     const Uncertain& one = open[static_cast<std::size_t>(k)];
     at(k) += (one.highest - one.lowest) * step * (uniform() + uniform() + uniform() - 1.5);
-    if (one.cycle > 0)
-      at(k) -= one.cycle * std::floor((at(k) - one.lowest) / one.cycle);
-    else
-      at(k) = std::clamp(at(k), one.lowest, one.highest);
+    at(k) = one.within(at(k));
   }
   return at;
 }

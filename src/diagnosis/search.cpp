@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 
 #include "diagnosis/gap_closed.hpp"
@@ -294,7 +293,7 @@ Model Search::only(const Model& model, const std::vector<std::string>& names) co
     const auto at = static_cast<Eigen::Index>(k);
     Uncertain open = at < plain.first_effect_parameter ? plain.open[k] : model.open[k];
     if (at >= plain.first_effect_parameter && !open.is_of(names)) continue;
-    open.centre = std::clamp(model.estimate(at), model.open[k].lowest, model.open[k].highest);
+    open.centre = model.open[k].within(model.estimate(at));
     one.open.push_back(std::move(open));
   }
   return one;
@@ -321,20 +320,28 @@ std::vector<Model> Search::fit_and_judge(std::vector<Contender> contenders, doub
   return judged;
 }
 
-/// Of images that shake from frame to frame, another start of the first of each combination of effects, with
-/// the optics that they have then: beside another effect, optics that make up for a shaking in a wrong
-/// direction keep it there.
+/// Of images that shake from frame to frame, another start of the first of each combination of effects.
+/// Alone, across: an astigmatism that made up for the blur shows a fit the wrong direction, and on its way
+/// back it ends where images shake alike in all directions. Beside another effect, with the optics that they
+/// have then: others, which make up for a shaking in a wrong direction, keep it there.
 void Search::add_starts_of_shaking(std::vector<Contender>& contenders) {
   const Calibration& calibration = *ground_.real.calibration;
   std::set<std::vector<std::string>> seen;
   for (std::size_t k = 0, count = contenders.size(); k < count; ++k) {
     const Model& model = contenders[k].model;
     const bool held = std::any_of(model.open.begin(), model.open.end(), [](auto& one) { return one.held; });
-    if (!model.has(shaking_effect) || held || model.effects.size() < 2 ||
-        !seen.insert(model.effects).second || !are_others(ground_.plain, moving_zernikes(), calibration))
-      continue;
-    Contender start{contenders[k].name + ", optics held", model.unjudged(), contenders[k].evidence, true};
-    hold_zernikes(start.model, moving_zernikes(), calibration);
+    if (!model.has(shaking_effect) || held || !seen.insert(model.effects).second) continue;
+    Contender start{contenders[k].name, model.unjudged(), contenders[k].evidence};
+    if (model.effects.size() == 1) {
+      start.name += ", across";
+      for (Uncertain& one : start.model.open)
+        if (one.cycle > 0) one.centre = one.within(one.centre + one.cycle / 2);
+    } else {
+      if (!are_others(ground_.plain, moving_zernikes(), calibration)) continue;
+      start.name += ", optics held";
+      start.lets_go = true;
+      hold_zernikes(start.model, moving_zernikes(), calibration);
+    }
     contenders.push_back(std::move(start));
   }
 }

@@ -81,21 +81,30 @@ Standard::Fit Standard::fit(const Eigen::MatrixXd& statistics, const Eigen::Matr
         coefficients(j + 1, i) = 0;
   }
   fit.slope = coefficients.bottomRows(m).transpose();
+  // A statistic that knows of no parameter could only lend its noise, which it shares with others by as much
+  // as so few stacks tell: a stack that is far off there would pull the parameters along.
+  std::vector<Eigen::Index> telling;
+  for (Eigen::Index i = 0; i < p; ++i)
+    if ((fit.slope.row(i).array() != 0).any()) telling.push_back(i);
+  const auto q = static_cast<Eigen::Index>(telling.size());
   rest = z - Eigen::VectorXd::Ones(n) * coefficients.row(0) - design.rightCols(m) * fit.slope.transpose();
-  const double keep = static_cast<double>(n) / static_cast<double>(n + p);
+  const Eigen::MatrixXd told = rest(Eigen::all, telling), slope = fit.slope(telling, Eigen::all);
+  const double keep = static_cast<double>(n) / static_cast<double>(n + q);
   Eigen::MatrixXd covariance =
-      rest.transpose() * rest * (keep / static_cast<double>(std::max<Eigen::Index>(1, n)));
-  const Eigen::VectorXd own_variance = covariance.diagonal() / keep;
-  for (Eigen::Index i = 0; i < p; ++i) {
-    covariance(i, i) = std::max(own_variance(i), 0.05);
+      told.transpose() * told * (keep / static_cast<double>(std::max<Eigen::Index>(1, n)));
+  for (Eigen::Index k = 0; k < q; ++k) {
+    const Eigen::Index i = telling[static_cast<std::size_t>(k)];
+    covariance(k, k) = std::max(covariance(k, k) / keep, 0.05);
     if (discrepancy_.size() && fit.spread(i) > 0)
-      covariance(i, i) += std::pow(std::min(largest_z, discrepancy_(i) / fit.spread(i)), 2);
+      covariance(k, k) += std::pow(std::min(largest_z, discrepancy_(i) / fit.spread(i)), 2);
   }
   // delta = (J^T C^-1 J + W^-1)^-1 J^T C^-1 z
-  const Eigen::MatrixXd weighted = covariance.ldlt().solve(fit.slope);  // C^-1 J
-  Eigen::MatrixXd information = fit.slope.transpose() * weighted;
+  const Eigen::MatrixXd weighted = covariance.ldlt().solve(slope);  // C^-1 J
+  Eigen::MatrixXd information = slope.transpose() * weighted;
   information.diagonal().array() += 1 / (prior_widths * prior_widths);
-  fit.estimator = information.ldlt().solve(weighted.transpose());
+  fit.estimator.setZero(m, p);
+  const Eigen::MatrixXd estimator = information.ldlt().solve(weighted.transpose());
+  fit.estimator(Eigen::all, telling) = estimator;
   return fit;
 }
 

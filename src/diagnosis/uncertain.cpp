@@ -80,6 +80,11 @@ void Uncertain::move_to(double coordinate) {
   highest = centre + bounds * width;
 }
 
+double Uncertain::within(double coordinate) const {
+  if (cycle > 0) return coordinate - cycle * std::floor((coordinate - lowest) / cycle);
+  return std::clamp(coordinate, lowest, highest);
+}
+
 void Uncertain::make_room_at(double coordinate) {
   constexpr double room = 2;  // widths
   lowest = std::max(least, std::min(lowest, coordinate - room * width));

@@ -25,7 +25,7 @@ struct Uncertain {
   double most = 1e300;    // may lead beyond them, but not beyond these
   double farthest = 1e300;  // from where calibration has it (zero): no recalibration leads beyond
   double usual = 0;         // an effect's default, coordinate
-  double cycle = 0;         // > 0: an angle, in units of the coordinate
+  double cycle = 0;  // > 0: an angle, in units of the coordinate; centre and draws may be beyond the bounds
   /// Drawn for a group of stacks at once: making a point-spread function takes longer than simulating a
   /// stack.
   bool shared = false;
@@ -40,6 +40,8 @@ struct Uncertain {
 
   /// A parameter of one of these effects.
   bool is_of(const std::vector<std::string>& effects) const;
+  /// Where in the parameter's range a coordinate is: an angle goes round, anything else stops at the bounds.
+  double within(double coordinate) const;
   /// A calibration's parameter: the centre moves there, if not too far, and the bounds with it.
   void move_to(double coordinate);
   /// An effect's parameter: room to go there and to draw about it, as far as the parameter itself goes.

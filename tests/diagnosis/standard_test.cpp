@@ -72,6 +72,18 @@ TEST(Standard, AnEffectIsNotDrawnTowardsTheMiddleOfItsDraws) {
   EXPECT_NEAR(std::sqrt(error / squares), 1, 0.25);
 }
 
+// As few stacks as there are say by chance that statistics go together: one that knows of no parameter, and
+// is far off for a reason of its own, must not pull the parameters along.
+TEST(Standard, AStatisticThatKnowsOfNoParameterSaysNothingOfOne) {
+  Lines lines;
+  const Standard standard(lines.population(), Part::whole);
+  const Eigen::VectorXd stack = lines.stack(Eigen::Vector2d(1, 0));
+  Eigen::VectorXd off = stack;
+  off.tail(statistics - 16).array() += 4;
+  EXPECT_LT((standard.estimate(off) - standard.estimate(stack)).cwiseAbs().maxCoeff(),
+            0.05 * standard.estimate_error().minCoeff());
+}
+
 // One outlier where no stack has any is not a thousand deviations, a hundred where each has three are many.
 TEST(Standard, APartOfAnOutlierMeansNothing) {
   Lines lines;

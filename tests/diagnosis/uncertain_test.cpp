@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnosis/population.hpp"
+
 namespace atomcam {
 namespace {
 
@@ -55,6 +57,27 @@ TEST(Uncertain, ARegistersStagesAreOpenWhereItMultipliesLight) {
   EXPECT_EQ(applied(-0.5), 1072);
   EXPECT_EQ(applied(-1.5), 10000);  // the exponential law
   EXPECT_EQ(applied(1.5), 268);
+}
+
+// Lines through draws know of no jump: a direction that is drawn about 178 degrees goes on beyond 180, and
+// comes round only where it is applied.
+TEST(Uncertain, AnAngleGoesRoundWhereItIsAppliedOnly) {
+  std::vector<Uncertain> open = effect_prior(*find_effect("vibration_jitter"), 96, 300);
+  const auto angle =
+      std::find_if(open.begin(), open.end(), [](const Uncertain& one) { return one.cycle > 0; });
+  ASSERT_NE(angle, open.end());
+  angle->centre = 178;
+  angle->width = 8;
+  constexpr int stacks = 200;
+  const Eigen::VectorXd draws = draw_parameters(open, stacks, 1, 0).col(angle - open.begin());
+  EXPECT_GT(draws.maxCoeff(), 190);
+  EXPECT_NEAR(draws.mean(), 178, 5 * 8 / std::sqrt(stacks));
+  EXPECT_DOUBLE_EQ(angle->within(190), 10);
+  EXPECT_DOUBLE_EQ(angle->within(-5), 175);
+  EXPECT_DOUBLE_EQ(open[0].within(1e9), open[0].highest);
+  Lab lab = preset("orca-quest");
+  angle->apply(lab, angle->within(190));
+  EXPECT_DOUBLE_EQ(lab.effects["vibration_jitter"][2], 10);
 }
 
 // Where nearly all atoms stay, as where half of them do: nothing leads out of what a survival can be, and the

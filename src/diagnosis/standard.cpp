@@ -86,6 +86,8 @@ Standard::Fit Standard::fit(const Eigen::MatrixXd& statistics, const Eigen::Matr
   std::vector<Eigen::Index> telling;
   for (Eigen::Index i = 0; i < p; ++i)
     if ((fit.slope.row(i).array() != 0).any()) telling.push_back(i);
+  fit.estimator.setZero(m, p);
+  if (telling.empty()) return fit;
   const auto q = static_cast<Eigen::Index>(telling.size());
   rest = z - Eigen::VectorXd::Ones(n) * coefficients.row(0) - design.rightCols(m) * fit.slope.transpose();
   const Eigen::MatrixXd told = rest(Eigen::all, telling), slope = fit.slope(telling, Eigen::all);
@@ -102,7 +104,6 @@ Standard::Fit Standard::fit(const Eigen::MatrixXd& statistics, const Eigen::Matr
   const Eigen::MatrixXd weighted = covariance.ldlt().solve(slope);  // C^-1 J
   Eigen::MatrixXd information = slope.transpose() * weighted;
   information.diagonal().array() += 1 / (prior_widths * prior_widths);
-  fit.estimator.setZero(m, p);
   const Eigen::MatrixXd estimator = information.ldlt().solve(weighted.transpose());
   fit.estimator(Eigen::all, telling) = estimator;
   return fit;

@@ -29,9 +29,9 @@ constexpr double far_away = 1.4;      // nothing at this distance has ever close
 constexpr double beyond_doubt = 30;   // of the logarithmic likelihood, behind the likeliest
 constexpr double as_good = 5;         // likewise: it is learned from some tens of stacks
 constexpr double other_stacks = 10;   // likewise: what it goes down by when these are others
-constexpr double closes_less = 0.05;  // of the gap: what scatters widely is not led there
 constexpr double out_of_reach = 100;  // likewise, behind one that explains the frames
 constexpr double reachable = 3;       // nothing farther away has come near in still more rounds
+constexpr double closes_less = 0.05;  // of the gap: what scatters widely is not led there
 
 /// Distance from which on a model is hopelessly behind the nearest.
 double behind(double nearest) {
@@ -204,7 +204,7 @@ Model about_estimate(const Model& model, bool calibration) {
     const double way =
         std::clamp(model.estimate(k) - one.centre, -farthest * one.width, farthest * one.width);
     if (in_part(model) && drawn_too_widely(model, k)) one.width = narrow * model.error(k);
-    one.centre = one.cycle > 0 ? one.centre + way : one.within(one.centre + way);
+    one.centre = one.bounded(one.centre + way);
   }
   if (calibration)
     for (Eigen::Index k = 0; k < model.first_effect_parameter; ++k)

@@ -14,8 +14,8 @@ Eigen::VectorXd held_to_draws(const Model& model, Eigen::VectorXd values) {
   constexpr double straight = 3;  // widths of the draws: farther out the statistics are not known
   for (Eigen::Index k = 0; k < values.size(); ++k) {
     const Uncertain& one = model.open[static_cast<std::size_t>(model.first_effect_parameter + k)];
-    values(k) = std::clamp(values(k), one.centre - straight * one.width, one.centre + straight * one.width);
-    if (one.cycle == 0) values(k) = one.within(values(k));
+    values(k) = one.bounded(
+        std::clamp(values(k), one.centre - straight * one.width, one.centre + straight * one.width));
   }
   return values;
 }

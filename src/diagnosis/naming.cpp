@@ -86,8 +86,7 @@ std::vector<FoundEffect> found_effects(const Named& named) {
         const auto at = static_cast<Eigen::Index>(k);
         const double c = one.within(model.estimate(at)), error = model.error(at);
         // An angle's interval goes on beyond the bounds, where it comes round again.
-        const double low = one.value(one.cycle > 0 ? c - error : std::max(one.lowest, c - error)),
-                     high = one.value(one.cycle > 0 ? c + error : std::min(one.highest, c + error));
+        const double low = one.value(one.bounded(c - error)), high = one.value(one.bounded(c + error));
         found.parameters.push_back({p.key, p.unit, one.value(c), 0.5 * (high - low), low, high});
       }
     }

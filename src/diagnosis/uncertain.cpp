@@ -80,9 +80,13 @@ void Uncertain::move_to(double coordinate) {
   highest = centre + bounds * width;
 }
 
+double Uncertain::bounded(double coordinate) const {
+  return cycle > 0 ? coordinate : std::clamp(coordinate, lowest, highest);
+}
+
 double Uncertain::within(double coordinate) const {
   if (cycle > 0) return coordinate - cycle * std::floor((coordinate - lowest) / cycle);
-  return std::clamp(coordinate, lowest, highest);
+  return bounded(coordinate);
 }
 
 void Uncertain::make_room_at(double coordinate) {

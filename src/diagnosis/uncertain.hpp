@@ -40,7 +40,9 @@ struct Uncertain {
 
   /// A parameter of one of these effects.
   bool is_of(const std::vector<std::string>& effects) const;
-  /// Where in the parameter's range a coordinate is: an angle goes round, anything else stops at the bounds.
+  /// The coordinate, no farther than the bounds; an angle goes on beyond them.
+  double bounded(double coordinate) const;
+  /// Where in the parameter's range a coordinate is: the same, and an angle comes round.
   double within(double coordinate) const;
   /// A calibration's parameter: the centre moves there, if not too far, and the bounds with it.
   void move_to(double coordinate);

@@ -112,10 +112,17 @@ TEST(Fit, OpticsThatMakeUpForAnEffectDoNotHideItsStrength) {
     recalibrate(model, it.real, it.plan, numbers_of("recalibration") + round * 100);
   judge(model, it.values, 90, it.plan, numbers_of("narrow"), &it.plain);
   EXPECT_GT(model.p_value, 0.05) << "nothing to be seen of it";
-  EXPECT_TRUE(estimate_with_wider_optics(model, it.values, 90, it.plan, numbers_of("wide")));
-  EXPECT_EQ(model.wider.stacks(), 180);
-  // Other stacks estimate otherwise: from three sets of them it was 0.0, 1.6 and 2.0 errors too small.
-  EXPECT_NEAR(model.estimate(amplitude), right, 3 * model.error(amplitude));
+  // Other stacks estimate otherwise, by about an error.
+  constexpr int sets = 3;
+  double estimate = 0;
+  for (int set = 0; set < sets; ++set) {
+    model.wider = {};
+    const std::string name = "wide" + std::string(static_cast<std::size_t>(set), 'x');
+    EXPECT_TRUE(estimate_with_wider_optics(model, it.values, 90, it.plan, numbers_of(name)));
+    EXPECT_EQ(model.wider.stacks(), 180);
+    estimate += model.estimate(amplitude) / sets;
+  }
+  EXPECT_NEAR(estimate, right, 1.5 * model.error(amplitude));
   EXPECT_LT(model.error(amplitude), 0.15);
 }
 

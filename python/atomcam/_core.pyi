@@ -111,6 +111,7 @@ def diagnose(
     seed: int,
     threads: int,
     where_only: bool,
+    all_frames: bool,
     cache: str,
     command: str,
     folder: str,

@@ -131,6 +131,7 @@ def diagnose(
     background_exposure_s: float | None = None,
     against: Frames | None = None,
     cache: str | os.PathLike[str] | None = None,
+    all_frames: bool = False,
 ) -> Diagnosis:
     """Where frames differ from their simulation, and which effect it is: `atomcam diagnose` (docs/diagnosis.md).
 
@@ -156,6 +157,8 @@ def diagnose(
         after a change of the set-up. Effects are not looked for.
     cache : folder that keeps what was simulated, for the next diagnosis of the same frames, which is then quicker; at most
         4 GiB. None: nothing is kept.
+    all_frames : look at every frame, also of a long stack of large ones, of which 64 or more are looked at (17 million
+        pixels), in stretches over the whole stack. Takes longer by as much.
 
     It takes minutes, with `where_only` seconds. Other Python threads run meanwhile, and Ctrl-C ends it; then nothing is
     written.
@@ -179,8 +182,9 @@ def diagnose(
     in_call = {
         "frames": word(frames), "notes": word(notes), "darks": word(darks), "background": word(background),
         "flats": flats_in_call(levels, exposures), "background_exposure_s": background_exposure_s,
-        "against": word(against), "exclude": exclude, "include": include, "seed": seed, "where_only": where_only or None, "out": folder or None,
+        "against": word(against), "exclude": exclude, "include": include, "seed": seed, "where_only": where_only or None,
+        "all_frames": all_frames or None, "out": folder or None,
     }
     return Diagnosis(_core.diagnose(
-        inputs, written, seconds, exposures, exclude, include, seed, cores, bool(where_only),
+        inputs, written, seconds, exposures, exclude, include, seed, cores, bool(where_only), bool(all_frames),
         "" if cache is None else _folder("cache", cache), call("diagnose", in_call), folder, progress))

@@ -60,7 +60,7 @@ struct Pairs {
 
 class Comparison {
  public:
-  Comparison(const FrameSequence& frames, const FrameSequence& against, const DiagnosisOptions& options)
+  Comparison(const ChosenFrames& frames, const ChosenFrames& against, const DiagnosisOptions& options)
       : frames_(frames), against_(against), options_(options) {}
 
   Diagnosis run(const Notes& notes, const FrameSequence* darks) {
@@ -70,11 +70,12 @@ class Comparison {
     tell("calibrating", 0);
     result_.calibration = calibrate_both(notes, darks);
     plan_.model = result_.calibration.model;
-    plan_.frames = frames_.frames();
+    plan_.frames = result_.frames = frames_.choice();
+    result_.against_frames = against_.choice();
     plan_.seed = options_.seed;
     plan_.threads = options_.threads;
     plan_.check_in = options_.check_in;
-    plan_.split.block = block_of_halves(plan_.frames);
+    plan_.split.block = block_of_halves(plan_.frames.count());
     compare();
     result_.plain_lab = result_.lab = result_.calibration.lab;
     tell("done", 1);
@@ -105,7 +106,7 @@ class Comparison {
 
   Pairs simulate(const std::vector<Uncertain>& open, int count) const {
     StackPlan other = plan_;
-    other.frames = against_.frames();
+    other.frames = against_.choice();
     Pairs pairs;
     pairs.first.draws = draw_parameters(open, count, plan_.seed, 0);
     pairs.differences.draws = Eigen::MatrixXd::Zero(count, 1);
@@ -214,7 +215,7 @@ class Comparison {
     return rows;
   }
 
-  const FrameSequence &frames_, &against_;
+  const ChosenFrames &frames_, &against_;
   const DiagnosisOptions& options_;
   StackPlan plan_;
   Diagnosis result_;
@@ -224,7 +225,8 @@ class Comparison {
 
 Diagnosis diagnose_against(const Notes& notes, const FrameSequence& frames, const FrameSequence& against,
                            const FrameSequence* darks, const DiagnosisOptions& options) {
-  return Comparison(frames, against, options).run(notes, darks);
+  const ChosenFrames one(frames, options.all_frames), other(against, options.all_frames);
+  return Comparison(one, other, options).run(notes, darks);
 }
 
 }  // namespace atomcam

@@ -57,7 +57,7 @@ Eigen::VectorXd DetectionGround::mean_offset(const Lab& lab) const {
   parallel_for(calibrated_stacks, plan_.threads, 1, [&](int n) {
     const auto number = first + static_cast<std::uint64_t>(n);
     const auto light = simulate_stack(lab, plan_, number, true);
-    const auto darks = plan_.dark_frames > 0 ? simulate_stack(lab, plan_, number, false) : nullptr;
+    const auto darks = plan_.dark_frames.count() > 0 ? simulate_stack(lab, plan_, number, false) : nullptr;
     CalibrationInput input;
     input.notes = notes_;
     input.frames = light.get();

@@ -33,9 +33,12 @@ std::string digest_of(const FrameSequence& frames) {
 
 class Diagnoser {
  public:
-  Diagnoser(const Notes& notes, const FrameSequence& frames, const FrameSequence* darks,
+  Diagnoser(const Notes& notes, const ChosenFrames& frames, const ChosenFrames* darks,
             const DiagnosisOptions& options)
-      : notes_(notes), frames_(frames), darks_(darks), options_(options) {}
+      : notes_(notes), frames_(frames), darks_(darks), options_(options) {
+    result_.frames = frames.choice();
+    if (darks) result_.dark_frames = darks->choice();
+  }
 
   Diagnosis run() {
     const auto start = std::chrono::steady_clock::now();
@@ -64,9 +67,9 @@ class Diagnoser {
     options_.beside.add_to(input);
     result_.calibration = calibrate(input);
     plan_.model = result_.calibration.model;
-    plan_.frames = frames_.frames();
-    plan_.dark_frames = darks_ ? darks_->frames() : 0;
-    plan_.split = split_of(plan_.frames, options_.block);
+    plan_.frames = result_.frames;
+    plan_.dark_frames = result_.dark_frames;
+    plan_.split = split_of(plan_.frames.count(), options_.block);
     plan_.seed = options_.seed;
     plan_.threads = options_.threads;
     plan_.check_in = options_.check_in;
@@ -78,13 +81,15 @@ class Diagnoser {
       kept_.emplace(options_.cache,
                     digest_of(frames_) + (darks_ ? digest_of(*darks_) : "") +
                         (options_.beside.background ? digest_of(*options_.beside.background) : "") +
-                        write_lab(result_.calibration.lab) + std::to_string(plan_.split.block));
+                        write_lab(result_.calibration.lab) +
+                        fmt::format("{} of {}", plan_.split.block, plan_.frames.all()));
       plan_.kept = &*kept_;
     }
   }
 
   void judge_plain() {
-    const double cost = static_cast<double>(plan_.frames) * static_cast<double>(frames_.shape().pixels());
+    const double cost =
+        static_cast<double>(plan_.frames.count()) * static_cast<double>(frames_.shape().pixels());
     const int stacks = cost > 3e7 ? 160 : 240;
     plain_ =
         plain_model(real_stack(), stacks, plan_,
@@ -217,8 +222,8 @@ class Diagnoser {
   }
 
   const Notes& notes_;
-  const FrameSequence& frames_;
-  const FrameSequence* darks_;
+  const ChosenFrames& frames_;
+  const ChosenFrames* darks_;
   const DiagnosisOptions& options_;
   Diagnosis result_;
   StackPlan plan_;
@@ -256,7 +261,10 @@ Diagnosis diagnose(const Notes& notes, const FrameSequence& frames, const FrameS
   if (frames.frames() < least)
     throw Error("frames", fmt::format("{} frames are too few to diagnose, {} or more are needed{}",
                                       frames.frames(), least, notes.grid ? " with sites" : ""));
-  return Diagnoser(notes, frames, darks, options).run();
+  const ChosenFrames light(frames, options.all_frames);
+  std::optional<ChosenFrames> closed;
+  if (darks) closed.emplace(*darks, options.all_frames);
+  return Diagnoser(notes, light, closed ? &*closed : nullptr, options).run();
 }
 
 }  // namespace atomcam

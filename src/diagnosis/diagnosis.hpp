@@ -13,6 +13,7 @@
 #include "analysis/battery.hpp"
 #include "calibration/calibrate.hpp"
 #include "diagnosis/character.hpp"
+#include "diagnosis/chosen_frames.hpp"
 #include "diagnosis/progress.hpp"
 #include "diagnosis/second_opinions.hpp"
 
@@ -102,6 +103,7 @@ struct DiagnosisOptions {
   std::uint64_t seed = 1;
   int threads = 1;
   bool where_only = false;
+  bool all_frames = false;  // also of a stack so large that a part is looked at, however long it takes
   std::size_t block = 10;  // frames of a part
   /// Where results of simulated stacks are kept for the next diagnosis of the same data; empty: nowhere.
   std::filesystem::path cache;
@@ -113,6 +115,7 @@ struct DiagnosisOptions {
 
 struct Diagnosis {
   bool against = false;  // another stack was in the place of the simulation
+  FrameChoice frames, dark_frames, against_frames;  // that were looked at
   Verdict verdict = Verdict::no_gap;
   std::string sentence;
   std::vector<FoundEffect> effects;

@@ -125,7 +125,7 @@ Json hypotheses_of(const Diagnosis& diagnosis) {
   return list;
 }
 
-Json inputs_of(const DiagnosisInputs& inputs) {
+Json inputs_of(const DiagnosisInputs& inputs, const Diagnosis& diagnosis) {
   Json out = Json::object();
   for (const DiagnosisInputs::File& file : inputs.files) {
     Json one = {{"file", file.path}, {"sha256", file.sha256}};
@@ -133,6 +133,10 @@ Json inputs_of(const DiagnosisInputs& inputs) {
       one["frames"] = file.frames;
       one["shape"] = {file.shape.rows, file.shape.columns};
     }
+    for (const auto& [role, choice] : {std::pair("frames", diagnosis.frames),
+                                       {"darks", diagnosis.dark_frames},
+                                       {"against", diagnosis.against_frames}})
+      if (file.role == role && choice.count() > 0) one["looked_at"] = choice.count();
     out[file.role] = std::move(one);
   }
   out["exclude"] = inputs.exclude;
@@ -165,7 +169,7 @@ std::string diagnosis_json(const Diagnosis& diagnosis, const DiagnosisInputs& in
               {"calibration", calibration.at("parameters")},
               {"warnings", calibration.at("warnings")},
               {"next_measurement", diagnosis.next_measurement},
-              {"inputs", inputs_of(inputs)},
+              {"inputs", inputs_of(inputs, diagnosis)},
               {"seconds", number(diagnosis.seconds)}};
   if (calibration.contains("flats")) out["flats"] = calibration.at("flats");
   return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";

@@ -85,10 +85,10 @@ bool is_bent_by_wings(std::string_view name) {
 
 Eigen::VectorXd optical_detail(const Eigen::VectorXd& deviation, const StackPlan& plan) {
   constexpr double of_images = 1.5, between_sites = 0.5;  // at 300 frames
-  const double more = std::sqrt(std::max(1.0, static_cast<double>(plan.frames) / 300));
+  const double more = std::sqrt(std::max(1.0, static_cast<double>(plan.frames.count()) / 300));
   Eigen::VectorXd detail = Eigen::VectorXd::Zero(deviation.size());
   if (plan.model.sites.empty()) return detail;
-  const auto declarations = battery(plan.model, plan.dark_frames > 0);
+  const auto declarations = battery(plan.model, plan.dark_frames.count() > 0);
   for (Eigen::Index i = 0; i < detail.size(); ++i) {
     const StatisticDeclaration& one = declarations[static_cast<std::size_t>(i)];
     if (one.observable.starts_with("point_spread") || is_bent_by_wings(one.name))
@@ -100,7 +100,7 @@ Eigen::VectorXd optical_detail(const Eigen::VectorXd& deviation, const StackPlan
 Eigen::VectorXd allowed_discrepancy(const Model& plain, const BatteryValues& real, const StackPlan& plan,
                                     const std::vector<std::string>& explains) {
   constexpr double of_itself = 0.04, of_its_kind = 0.02;
-  const auto declarations = battery(plan.model, plan.dark_frames > 0);
+  const auto declarations = battery(plan.model, plan.dark_frames.count() > 0);
   const Eigen::VectorXd& unit = plain.standard->deviation();
   const Eigen::VectorXd off = (as_vector(real.whole) - plain.standard->middle()).cwiseAbs();
   const auto deviations = [&](Eigen::Index i) {
@@ -289,7 +289,7 @@ Eigen::MatrixXd calibration_offsets(const Model& model, const RealStack& real, c
     CalibrationInput input;
     input.notes = *real.notes;
     input.frames = light.get();
-    if (plan.dark_frames > 0) input.darks = darks.get();
+    if (plan.dark_frames.count() > 0) input.darks = darks.get();
     std::unique_ptr<FrameSequence> background;
     if (real.background_frames > 0) {
       background = simulate_background(lab, real, plan, first + static_cast<std::uint64_t>(n));

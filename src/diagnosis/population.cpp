@@ -34,7 +34,7 @@ std::unique_ptr<FrameSequence> simulate_stack(const Lab& lab, const StackPlan& p
 
 BatteryValues simulate_and_measure(const Lab& lab, const StackPlan& plan, std::uint64_t stack_number) {
   const auto light = simulate_stack(lab, plan, stack_number, true);
-  if (plan.dark_frames == 0) return measure(plan.model, *light, nullptr, plan.split);
+  if (plan.dark_frames.count() == 0) return measure(plan.model, *light, nullptr, plan.split);
   const auto darks = simulate_stack(lab, plan, stack_number, false);
   return measure(plan.model, *light, darks.get(), plan.split);
 }
@@ -86,7 +86,7 @@ Population simulate_population(const Lab& lab, const std::vector<Uncertain>& ope
                                const std::function<void(int)>& progress) {
   Population population;
   population.draws = given ? *given : draw_parameters(open, stacks, plan.seed, first);
-  const std::vector<StatisticDeclaration> declared = battery(plan.model, plan.dark_frames > 0);
+  const std::vector<StatisticDeclaration> declared = battery(plan.model, plan.dark_frames.count() > 0);
   const auto statistics = std::ssize(declared);
   for (const StatisticDeclaration& one : declared) {
     population.outliers.push_back(one.outliers);

@@ -13,15 +13,15 @@
 #include "analysis/battery.hpp"
 #include "base/random.hpp"
 #include "data/kept_results.hpp"
+#include "diagnosis/chosen_frames.hpp"
 #include "diagnosis/uncertain.hpp"
 
 namespace atomcam {
 
-/// How every stack is simulated and measured: as many frames as the real one has.
+/// How every stack is simulated and measured: the frames of the real one that are looked at.
 struct StackPlan {
   StackModel model;  // measures real and simulated stacks alike
-  std::size_t frames = 0;
-  std::size_t dark_frames = 0;
+  FrameChoice frames, dark_frames;
   BatterySplit split;
   std::uint64_t seed = 1;
   int threads = 1;

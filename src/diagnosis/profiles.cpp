@@ -398,9 +398,9 @@ Profiles measure_profiles(const StackModel& model, const FrameSequence& frames, 
   return profiles;
 }
 
-std::vector<Profiles> simulate_profiles(const StackModel& model, const Lab& lab, std::size_t frames,
-                                        std::size_t dark_frames, int stacks, std::uint64_t seed, int threads,
-                                        const std::function<void(int)>& progress) {
+std::vector<Profiles> simulate_profiles(const StackModel& model, const Lab& lab, const FrameChoice& frames,
+                                        const FrameChoice& dark_frames, int stacks, std::uint64_t seed,
+                                        int threads, const std::function<void(int)>& progress) {
   std::vector<Profiles> all(static_cast<std::size_t>(stacks));
   std::atomic<int> done{0};
   parallel_for(stacks, threads, 1, [&](int n) {
@@ -408,7 +408,8 @@ std::vector<Profiles> simulate_profiles(const StackModel& model, const Lab& lab,
     own.seed = seed + static_cast<std::uint64_t>(n);
     own.serial = std::to_string(own.seed);  // another sensor of the same make
     const SimulatedFrames light(own, frames, true), darks(own, dark_frames, false);
-    all[static_cast<std::size_t>(n)] = measure_profiles(model, light, dark_frames > 0 ? &darks : nullptr);
+    all[static_cast<std::size_t>(n)] =
+        measure_profiles(model, light, dark_frames.count() > 0 ? &darks : nullptr);
     const int count = ++done;
     if (progress) progress(count);
   });

@@ -111,7 +111,7 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
   if (scan.open.empty()) {
     const Region& frame = before.lab.settings.region;
     scan.open =
-        effect_prior(*scan.effect, std::max(frame.width, frame.height), static_cast<double>(plan.frames));
+        effect_prior(*scan.effect, std::max(frame.width, frame.height), static_cast<double>(plan.frames.all()));
   }
   Eigen::MatrixXd own;
   if (scan.draws.rows() == 0) {

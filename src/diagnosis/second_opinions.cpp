@@ -30,7 +30,7 @@ constexpr std::size_t count_range = 65536;
 /// The held-out frames to look at, evenly spread if not all.
 std::vector<std::size_t> chosen_frames(const StackPlan& plan) {
   std::vector<std::size_t> frames;
-  for (std::size_t n = 0; n < plan.frames; ++n)
+  for (std::size_t n = 0; n < plan.frames.count(); ++n)
     if ((n / plan.split.block) % 2 == 1) frames.push_back(n);
   const auto most = std::max(
       fewest_frames, static_cast<std::size_t>(most_pixels / static_cast<double>(plan.model.shape.pixels())));
@@ -82,7 +82,7 @@ class Eyes {
     settings.shutter_open = true;
     const std::size_t sites = plan_.model.sites.size();
     for (std::size_t k = 0; k < chosen_.size(); ++k) {
-      const Frame frame = simulation.render(chosen_[k], settings);
+      const Frame frame = simulation.render(plan_.frames.number(chosen_[k]), settings);
       add(seen, k, frame.counts);
       if (frame.truth.atoms.size() != sites) continue;
       for (const AtomTruth& atom : frame.truth.atoms) seen.filled.push_back(atom.present_at_start);

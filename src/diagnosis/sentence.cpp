@@ -86,7 +86,10 @@ std::string sentence_of(const Diagnosis& d) {
   };
   switch (d.verdict) {
     case Verdict::no_gap:
-      return fmt::format("The frames agree with the calibrated plain model (p = {:.2g}).", d.p_gap);
+      return fmt::format("The frames agree with the calibrated plain model (p = {:.2g}{}).", d.p_gap,
+                         d.frames.is_all()
+                             ? ""
+                             : fmt::format("; {} of {} were looked at", d.frames.count(), d.frames.all()));
     case Verdict::explained:
       return fmt::format("{} {} {} of the gap on held-out frames.", names(),
                          d.effects.size() > 1 ? "close" : "closes", percent(d.gap.closed));

@@ -52,9 +52,9 @@ std::unique_ptr<Diagnosed> diagnose_frames(const std::vector<Input>& in, const N
                                            const std::vector<double>& flat_exposures,
                                            const std::vector<std::string>& exclude,
                                            const std::vector<std::string>& include, std::uint64_t seed,
-                                           int threads, bool where_only, const std::string& cache,
-                                           const std::string& command, const std::string& folder,
-                                           const py::object& progress) {
+                                           int threads, bool where_only, bool all_frames,
+                                           const std::string& cache, const std::string& command,
+                                           const std::string& folder, const py::object& progress) {
   auto made = std::make_unique<Diagnosed>();
   made->threads = thread_count(threads);
   made->cache = cache;
@@ -83,6 +83,7 @@ std::unique_ptr<Diagnosed> diagnose_frames(const std::vector<Input>& in, const N
     options.seed = seed;
     options.threads = made->threads;
     options.where_only = where_only;
+    options.all_frames = all_frames;
     options.cache = cache;
     options.progress = [&](std::string_view step, double done) { work.tell(step, done * share); };
     options.check_in = [&] { work.check_in(); };
@@ -120,11 +121,11 @@ void bind_diagnosis(py::module_& module) {
           "The calibrated lab without effects.")
       .def("write", &write, py::arg("folder"), py::arg("progress"),
            "Writes the report, diagnosis.json and lab.toml; the interpreter runs on.");
-  module.def("diagnose", &diagnose_frames, py::arg("inputs"), py::arg("notes"),
-             py::arg("background_exposure_s"), py::arg("flat_exposures"), py::arg("exclude"),
-             py::arg("include"), py::arg("seed"), py::arg("threads"), py::arg("where_only"), py::arg("cache"),
-             py::arg("command"), py::arg("folder"), py::arg("progress"),
-             "Real against simulated frames, or against others; the interpreter runs on.");
+  module.def(
+      "diagnose", &diagnose_frames, py::arg("inputs"), py::arg("notes"), py::arg("background_exposure_s"),
+      py::arg("flat_exposures"), py::arg("exclude"), py::arg("include"), py::arg("seed"), py::arg("threads"),
+      py::arg("where_only"), py::arg("all_frames"), py::arg("cache"), py::arg("command"), py::arg("folder"),
+      py::arg("progress"), "Real against simulated frames, or against others; the interpreter runs on.");
 }
 
 }  // namespace atomcam

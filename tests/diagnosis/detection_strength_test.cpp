@@ -19,7 +19,7 @@ TEST(DetectionStrength, IsWhereDiagnosesBeginToSeeTheEffect) {
   StackPlan plan;
   plan.frames = 60;
   plan.dark_frames = 30;
-  const DetectionGround ground(blind.lab, notes, plan.frames, plan.dark_frames, 2);
+  const DetectionGround ground(blind.lab, notes, plan.frames.count(), plan.dark_frames.count(), 2);
   const EffectDeclaration& effect = *find_effect("pixel_crosstalk");
   ParameterValues values;
   for (const ParameterDeclaration& one : effect.parameters) values.push_back(one.default_value);

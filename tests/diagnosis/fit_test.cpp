@@ -40,7 +40,7 @@ struct StackWithEffect {
     input.darks = darks.get();
     calibration = calibrate(input);
     plan.model = calibration.model;
-    plan.split = split_of(plan.frames, 5);
+    plan.split = split_of(plan.frames.count(), 5);
     values = measure(plan.model, *light, darks.get(), plan.split);
     real = {&values, &calibration, &input.notes};
     plain = plain_model(real, 60, plan);

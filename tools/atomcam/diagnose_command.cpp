@@ -36,7 +36,7 @@ struct DiagnoseOptions {
   std::vector<std::string> exclude, include;
   std::uint64_t seed = 1;
   int threads = 0;
-  bool where_only = false;
+  bool where_only = false, all_frames = false;
   CacheOption cache;
 };
 
@@ -55,6 +55,7 @@ std::string command_of(const DiagnoseOptions& options) {
   for (const std::string& name : options.exclude) text.add("--exclude", name);
   for (const std::string& name : options.include) text.add("--include", name);
   if (options.where_only) text.add("--where-only");
+  if (options.all_frames) text.add("--all-frames");
   return text.add("--seed", std::to_string(options.seed)).text();
 }
 
@@ -73,6 +74,11 @@ void print_summary(const Diagnosis& diagnosis) {
     for (const FoundParameter& p : effect.parameters)
       fmt::print("  {}.{} = {:.4g} +- {:.2g}{}{}\n", effect.name, p.name, p.value, p.error,
                  p.unit == "1" ? "" : " ", p.unit == "1" ? "" : p.unit);
+  for (const auto& [stack, choice] : {std::pair("frames", diagnosis.frames),
+                                      {"dark frames", diagnosis.dark_frames},
+                                      {"frames compared with", diagnosis.against_frames}})
+    if (!choice.is_all())
+      fmt::print("looked at {} of {} {} (--all-frames: at all)\n", choice.count(), choice.all(), stack);
   for (const std::string& one : diagnosis.calibration.warnings) fmt::print("warning: {}\n", one);
   for (const std::string& one : diagnosis.next_measurement) fmt::print("next: {}\n", one);
 }
@@ -121,6 +127,7 @@ int run(const DiagnoseOptions& options) {
         {flats[n].get(), options.flats_exposures.empty() ? 0 : options.flats_exposures[n]});
   how.seed = options.seed;
   how.where_only = options.where_only;
+  how.all_frames = options.all_frames;
   how.threads = thread_count(options.threads);
   how.cache = options.cache.path();
   Diagnosis diagnosis;
@@ -167,6 +174,10 @@ void add_diagnose_command(CLI::App& app) {
                    "Look for this effect and no others but those included too (may be repeated)")
       ->allow_extra_args(false);
   command->add_flag("--where-only", options->where_only, "Say where the gap lies, look for no effects");
+  command->add_flag(
+      "--all-frames", options->all_frames,
+      "Look at every frame, also of a long stack of large ones (default: at 64 or more that have 17 "
+      "million pixels, in stretches over the whole stack); takes longer by as much");
   command->add_option("--seed", options->seed, "Seed of the simulations")->capture_default_str();
   command
       ->add_option("--threads", options->threads,

@@ -86,7 +86,10 @@ std::vector<FoundEffect> found_effects(const Named& named) {
         const auto at = static_cast<Eigen::Index>(k);
         const double c = one.within(model.estimate(at)), error = model.error(at);
         // An angle's interval goes on beyond the bounds, where it comes round again.
-        const double low = one.value(one.bounded(c - error)), high = one.value(one.bounded(c + error));
+        // The smallest size that is looked for is as good as none: an interval that reaches it reaches none.
+        const bool none = one.cycle == 0 && c - error <= one.lowest && one.least == one.lowest;
+        const double low = none ? p.minimum : one.value(one.bounded(c - error)),
+                     high = one.value(one.bounded(c + error));
         found.parameters.push_back({p.key, p.unit, one.value(c), 0.5 * (high - low), low, high});
       }
     }

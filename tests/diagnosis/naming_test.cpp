@@ -6,6 +6,7 @@
 #include <random>
 
 #include "diagnosis/gap_closed.hpp"
+#include "effects/effect.hpp"
 
 namespace atomcam {
 namespace {
@@ -62,6 +63,28 @@ class Naming : public testing::Test {
     return list;
   }();
 };
+
+// The scale of a size's logarithm ends somewhere above zero; the interval does not.
+TEST(FoundEffects, TheSmallestSizeThatIsLookedForIsAsGoodAsNone) {
+  Model model;
+  model.effects = {"bias_drift"};
+  model.open = effect_prior(*find_effect("bias_drift"), 64, 150);
+  model.estimate.resize(3);
+  model.error = Eigen::VectorXd::Constant(3, 0.1);
+  for (Eigen::Index k = 0; k < 3; ++k) model.estimate(k) = model.open[static_cast<std::size_t>(k)].centre;
+  const auto parameters = [&] {
+    return found_effects({.model = &model, .confusable_with = {}}).front().parameters;
+  };
+  for (const FoundParameter& one : parameters())
+    EXPECT_NEAR(std::log(one.high / one.low), 0.2, 1e-12) << one.name;
+  const Uncertain& frame_counts = model.open[2];
+  model.estimate(2) = frame_counts.lowest + 0.05;
+  const FoundParameter found = parameters()[2];
+  EXPECT_EQ(found.name, "frame_counts");
+  EXPECT_EQ(found.low, 0);
+  EXPECT_DOUBLE_EQ(found.high, std::exp(frame_counts.lowest + 0.15));
+  EXPECT_DOUBLE_EQ(found.error, found.high / 2);
+}
 
 TEST_F(Naming, AnExplanationTakesTheGapAwayAndTheFramesAreNotOddUnderIt) {
   EXPECT_TRUE(passes({"row_noise"}, 1, 0.5));

@@ -11,7 +11,6 @@
 #include "analysis/plane.hpp"
 #include "analysis/products.hpp"
 #include "calibration/site_light.hpp"
-#include "diagnosis/simulated_frames.hpp"
 #include "simulation/parallel.hpp"
 
 namespace atomcam {
@@ -398,18 +397,15 @@ Profiles measure_profiles(const StackModel& model, const FrameSequence& frames, 
   return profiles;
 }
 
-std::vector<Profiles> simulate_profiles(const StackModel& model, const Lab& lab, const FrameChoice& frames,
-                                        const FrameChoice& dark_frames, int stacks, std::uint64_t seed,
-                                        int threads, const std::function<void(int)>& progress) {
+std::vector<Profiles> simulate_profiles(const Lab& lab, const StackPlan& plan, int stacks,
+                                        std::uint64_t first, const std::function<void(int)>& progress) {
   std::vector<Profiles> all(static_cast<std::size_t>(stacks));
   std::atomic<int> done{0};
-  parallel_for(stacks, threads, 1, [&](int n) {
-    Lab own = lab;
-    own.seed = seed + static_cast<std::uint64_t>(n);
-    own.serial = std::to_string(own.seed);  // another sensor of the same make
-    const SimulatedFrames light(own, frames, true), darks(own, dark_frames, false);
-    all[static_cast<std::size_t>(n)] =
-        measure_profiles(model, light, dark_frames.count() > 0 ? &darks : nullptr);
+  parallel_for(stacks, plan.threads, 1, [&](int n) {
+    const std::uint64_t number = first + static_cast<std::uint64_t>(n);
+    const auto light = simulate_stack(lab, plan, number, true);
+    const auto darks = plan.dark_frames.count() > 0 ? simulate_stack(lab, plan, number, false) : nullptr;
+    all[static_cast<std::size_t>(n)] = measure_profiles(plan.model, *light, darks.get());
     const int count = ++done;
     if (progress) progress(count);
   });

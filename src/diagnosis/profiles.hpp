@@ -10,7 +10,7 @@
 
 #include "analysis/frame_sequence.hpp"
 #include "analysis/stack_model.hpp"
-#include "diagnosis/chosen_frames.hpp"
+#include "diagnosis/population.hpp"
 #include "simulation/lab.hpp"
 
 namespace atomcam {
@@ -35,10 +35,10 @@ struct Profiles {
 };
 Profiles measure_profiles(const StackModel& model, const FrameSequence& frames, const FrameSequence* darks);
 
-/// The profiles of simulated stacks of `lab`, one for each of `stacks` seeds.
-std::vector<Profiles> simulate_profiles(const StackModel& model, const Lab& lab, const FrameChoice& frames,
-                                        const FrameChoice& dark_frames, int stacks, std::uint64_t seed,
-                                        int threads, const std::function<void(int done)>& progress = {});
+/// The profiles of simulated stacks of `lab`, of these numbers on.
+std::vector<Profiles> simulate_profiles(const Lab& lab, const StackPlan& plan, int stacks,
+                                        std::uint64_t first,
+                                        const std::function<void(int done)>& progress = {});
 
 /// Moves simulated stacks so that their mean is another real stack, and widens them to the scatter of a
 /// difference of two stacks: what is within their band does not differ from it. Maps become the other

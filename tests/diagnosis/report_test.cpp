@@ -204,6 +204,16 @@ struct Stacks {
   StackModel model = stack_model(lab);
   static constexpr double sigma = 4;  // counts
   static constexpr int frames = 40, darks = 20;
+  /// Profiles of so many stacks.
+  std::vector<Profiles> simulate(const Lab& of, int count, std::uint64_t first, std::size_t light = frames,
+                                 std::size_t closed = darks, int threads = 1) const {
+    StackPlan plan;
+    plan.model = model;
+    plan.frames = light;
+    plan.dark_frames = closed;
+    plan.threads = threads;
+    return simulate_profiles(of, plan, count, first);
+  }
   Stacks() { noisy.effects["row_noise"] = {sigma}; }
 };
 
@@ -214,8 +224,7 @@ TEST(Profiles, RowNoiseIsSeenInFull) {
       if (one.key == "dark.row_noise") return one;
     throw std::runtime_error("no such curve");
   };
-  const auto plain = simulate_profiles(it.model, it.lab, 4, 400, 1, 3, 1),
-             noisy = simulate_profiles(it.model, it.noisy, 4, 400, 1, 3, 1);
+  const auto plain = it.simulate(it.lab, 1, 3, 4, 400), noisy = it.simulate(it.noisy, 1, 3, 4, 400);
   double sum = 0, n = 0;
   const Curve &a = curve(plain.front()), &b = curve(noisy.front());
   for (std::size_t r = 0; r < a.y.size(); ++r) sum += b.y[r] * b.y[r] - a.y[r] * a.y[r], n += 1;
@@ -227,9 +236,8 @@ TEST(Profiles, RowNoiseIsSeenInFull) {
 
 TEST(Profiles, DistanceTellsAnotherModelFromTheSame) {
   const Stacks it;
-  const auto stacks = simulate_profiles(it.model, it.lab, it.frames, it.darks, 8, 100, 2),
-             same = simulate_profiles(it.model, it.lab, it.frames, it.darks, 1, 900, 1),
-             other = simulate_profiles(it.model, it.noisy, it.frames, it.darks, 1, 900, 1);
+  const auto stacks = it.simulate(it.lab, 8, 100, it.frames, it.darks, 2), same = it.simulate(it.lab, 1, 900),
+             other = it.simulate(it.noisy, 1, 900);
   std::size_t strongest = 0;
   double largest = 0;
   for (std::size_t k = 0; k < same.front().curves.size(); ++k) {
@@ -247,8 +255,7 @@ TEST(Profiles, DistanceTellsAnotherModelFromTheSame) {
 
 TEST(Profiles, ThreadsDoNotChangeThem) {
   const Stacks it;
-  const auto one = simulate_profiles(it.model, it.lab, 8, 8, 3, 7, 1),
-             two = simulate_profiles(it.model, it.lab, 8, 8, 3, 7, 2);
+  const auto one = it.simulate(it.lab, 3, 7, 8, 8), two = it.simulate(it.lab, 3, 7, 8, 8, 2);
   for (std::size_t n = 0; n < one.size(); ++n)
     for (std::size_t k = 0; k < one[n].curves.size(); ++k)
       for (std::size_t i = 0; i < one[n].curves[k].y.size(); ++i) {
@@ -270,7 +277,7 @@ TEST(Profiles, KeptOnesAreThoseThatWereSimulated) {
     key.add(seed);
     return kept_profiles(&kept, key, real, 2, [&] {
       ++simulated;
-      return simulate_profiles(it.model, it.lab, 8, 8, 2, seed, 2);
+      return it.simulate(it.lab, 2, seed, 8, 8, 2);
     });
   };
   const auto fresh = ask(1), again = ask(1);
@@ -302,9 +309,9 @@ TEST(DiagnosisReport, StandsAlone) {
   const FramesInMemory frames = small_frames(it.noisy, it.frames, true, 5),
                        darks = small_frames(it.noisy, it.darks, false, 5);
   profiles.real = measure_profiles(it.model, frames, &darks);
-  profiles.plain = simulate_profiles(it.model, it.lab, it.frames, it.darks, 3, 1, 2);
+  profiles.plain = it.simulate(it.lab, 3, 1, it.frames, it.darks, 2);
   for (const bool fixed : {false, true}) {
-    if (fixed) profiles.fixed = simulate_profiles(it.model, it.noisy, it.frames, it.darks, 3, 1, 2);
+    if (fixed) profiles.fixed = it.simulate(it.noisy, 3, 1, it.frames, it.darks, 2);
     const std::string page = diagnosis_report(everything(), inputs(), profiles);
     EXPECT_EQ(markup_fault(page), "");
     EXPECT_EQ(outside_reference(page), "");

@@ -33,8 +33,9 @@ struct Difference {
 
 struct FoundParameter {
   std::string name, unit;
-  double value = 0, error = 0;
+  double value = 0;
   double low = 0, high = 0;  // one standard error to either side, on the scale on which errors are even
+  double error() const { return 0.5 * (high - low); }
 };
 struct FoundEffect {
   std::string name, stage;

@@ -20,7 +20,7 @@ Json effects_of(const Diagnosis& diagnosis) {
     Json parameters = Json::object();
     for (const FoundParameter& p : effect.parameters)
       parameters[p.name] = {{"value", number(p.value)},
-                            {"error", number(p.error)},
+                            {"error", number(p.error())},
                             {"interval", {number(p.low), number(p.high)}},
                             {"unit", p.unit}};
     effects.push_back({{"name", effect.name},

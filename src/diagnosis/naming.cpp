@@ -90,7 +90,7 @@ std::vector<FoundEffect> found_effects(const Named& named) {
         const bool none = one.cycle == 0 && c - error <= one.lowest && one.least == one.lowest;
         const double low = none ? p.minimum : one.value(one.bounded(c - error)),
                      high = one.value(one.bounded(c + error));
-        found.parameters.push_back({p.key, p.unit, one.value(c), 0.5 * (high - low), low, high});
+        found.parameters.push_back({p.key, p.unit, one.value(c), low, high});
       }
     }
     list.push_back(std::move(found));

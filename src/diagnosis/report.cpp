@@ -103,7 +103,7 @@ std::string found_effects(const Diagnosis& diagnosis) {
           "class=\"number\">{}</td>"
           "<td>{}</td></tr>\n",
           k == 0 ? escaped(effect.name) : "", k == 0 ? escaped(effect.stage) : "", p ? escaped(p->name) : "",
-          p ? with_error(p->value, p->error) : "", p && p->unit != "1" ? escaped(p->unit) : "",
+          p ? with_error(p->value, p->error()) : "", p && p->unit != "1" ? escaped(p->unit) : "",
           k == 0 ? short_number(effect.probability, 3) : "",
           k == 0 ? escaped(fmt::format("{}", fmt::join(effect.confusable_with, ", "))) : "");
     }

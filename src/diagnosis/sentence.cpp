@@ -79,7 +79,7 @@ std::string sentence_of(const Diagnosis& d) {
     for (const FoundEffect& effect : d.effects) {
       const FoundParameter* p = effect.parameters.empty() ? nullptr : &effect.parameters.front();
       list.push_back(p ? fmt::format("{} ({} {:.3g} +- {:.1g}{}; {} stage)", effect.name, p->name, p->value,
-                                     p->error, p->unit == "1" ? "" : " " + p->unit, effect.stage)
+                                     p->error(), p->unit == "1" ? "" : " " + p->unit, effect.stage)
                        : effect.name);
     }
     return fmt::format("{}", fmt::join(list, " and "));

@@ -107,8 +107,8 @@ TEST(Diagnose, AnEffectIsNamedForItsOwnObservablesWhereAnotherIsNotKnown) {
   ASSERT_EQ(found.effects.size(), 1) << found.sentence;
   EXPECT_EQ(found.effects[0].name, "serial_cic");
   const FoundParameter& events = found.effects[0].parameters.front();
-  EXPECT_NEAR(events.value, 1.0, 5 * events.error);
-  EXPECT_LT(events.error, 0.2);
+  EXPECT_NEAR(events.value, 1.0, 5 * events.error());
+  EXPECT_LT(events.error(), 0.2);
   EXPECT_EQ(found.gap.explains, find_effect("serial_cic")->observables);
   EXPECT_GT(found.gap.part_closed, 0.8);
   EXPECT_LT(found.gap.closed, 0.3);

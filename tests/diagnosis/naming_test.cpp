@@ -83,7 +83,7 @@ TEST(FoundEffects, TheSmallestSizeThatIsLookedForIsAsGoodAsNone) {
   EXPECT_EQ(found.name, "frame_counts");
   EXPECT_EQ(found.low, 0);
   EXPECT_DOUBLE_EQ(found.high, std::exp(frame_counts.lowest + 0.15));
-  EXPECT_DOUBLE_EQ(found.error, found.high / 2);
+  EXPECT_DOUBLE_EQ(found.error(), found.high / 2);
 }
 
 TEST_F(Naming, AnExplanationTakesTheGapAwayAndTheFramesAreNotOddUnderIt) {

@@ -73,7 +73,7 @@ TEST(RealFrames, ManyPixelsTellAStrengthBetter) {
                                    FramesInMemory(middle_of_the_dark_frames(data, size)), nullptr, options);
   ASSERT_EQ(named.effects.size(), 1) << named.sentence;
   EXPECT_NEAR(named.effects[0].parameters[0].value, 1, 0.2);
-  EXPECT_LT(named.effects[0].parameters[0].error, 0.03);
+  EXPECT_LT(named.effects[0].parameters[0].error(), 0.03);
   EXPECT_GT(named.gap.part_closed, 0.82);
 }
 

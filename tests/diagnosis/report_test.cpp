@@ -25,7 +25,7 @@ Diagnosis everything() {
   d.sentence = "a < b & \"c\"";
   d.effects = {{.name = "row_noise",
                 .stage = "sensor",
-                .parameters = {{"sigma_counts", "counts", 2.5, 0.1}},
+                .parameters = {{"sigma_counts", "counts", 2.5, 2.4, 2.6}},
                 .probability = 0.9,
                 .confusable_with = {"<other>"}}};
   d.where = {{"sensor", "light.lines.rows.variance", "row_means", "time", "rows", 14.2, 1e-20, 0.4},

@@ -93,7 +93,7 @@ TEST(NewEffect, IsFoundAndClosesTheGap) {
   ASSERT_EQ(found.effects[0].parameters.size(), 1);
   const FoundParameter& sigma = found.effects[0].parameters[0];
   EXPECT_EQ(sigma.name, "sigma_counts");
-  EXPECT_NEAR(sigma.value, sigma_counts, 5 * sigma.error);
+  EXPECT_NEAR(sigma.value, sigma_counts, 5 * sigma.error());
   EXPECT_TRUE(found.lab.effects.contains("column_noise"));
 }
 

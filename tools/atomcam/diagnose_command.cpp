@@ -72,7 +72,7 @@ void print_summary(const Diagnosis& diagnosis) {
                diagnosis.gap.after, diagnosis.gap.floor);
   for (const FoundEffect& effect : diagnosis.effects)
     for (const FoundParameter& p : effect.parameters)
-      fmt::print("  {}.{} = {:.4g} +- {:.2g}{}{}\n", effect.name, p.name, p.value, p.error,
+      fmt::print("  {}.{} = {:.4g} +- {:.2g}{}{}\n", effect.name, p.name, p.value, p.error(),
                  p.unit == "1" ? "" : " ", p.unit == "1" ? "" : p.unit);
   for (const auto& [stack, choice] : {std::pair("frames", diagnosis.frames),
                                       {"dark frames", diagnosis.dark_frames},

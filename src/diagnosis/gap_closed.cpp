@@ -204,7 +204,12 @@ Eigen::VectorXd in_larger_units(const Standard& model, const Standard& other) {
 }
 
 double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery) {
-  const Eigen::VectorXd mask = only_of(model.explains, battery);
+  return closed_by(model, plain, battery, model.explains);
+}
+
+double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery,
+                 const std::vector<std::string>& observables) {
+  const Eigen::VectorXd mask = only_of(observables, battery);
   const ClosedByAll all = closed_by_all(model, plain, mask);
   if (all.stands_out && !all.in_own_units) return all.closed;  // no scatter hides it
   return as_own_stacks_may(all.closed, model, plain, mask);

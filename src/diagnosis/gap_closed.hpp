@@ -23,6 +23,9 @@ inline constexpr double least_to_pass = 0.6;  // closed, for a model that the fr
 /// the model's own stacks can look like: scatter that goes elsewhere explains nothing; but a gap that stands
 /// out by far in the larger units as well is not hidden by scatter, and counts as closed there.
 double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery);
+/// The same of the gap in these observables alone (empty: all).
+double closed_by(const Model& model, const Model& plain, const std::vector<StatisticDeclaration>& battery,
+                 const std::vector<std::string>& observables);
 
 /// The same, each model counting in its own units whatever the evidence.
 double closed_in_own_units(const Model& model, const Model& plain,

@@ -220,39 +220,54 @@ std::vector<Model> Search::triples(const Model& pair) {
 
 /// Real cameras have several effects at once, some in no catalogue. One that has a law of its own is named
 /// for what it explains in its own observables though others stay odd. So is any effect in frames without
-/// atoms, if what it explains is most of what is odd: with atoms many effects look like a part of another.
+/// atoms: with atoms many effects look like a part of another. Then another one for what it explains
+/// elsewhere.
 std::optional<Found> Search::in_part() {
+  constexpr std::size_t most = 3;
+  std::optional<Model> model;
+  for (const Scan& scan : scans_)
+    if (std::optional<Model> more = with_part(model ? *model : ground_.plain, scan)) {
+      model = std::move(more);
+      if (model->effects.size() == most) break;
+    }
+  if (!model) return {};
+  const double closed = closed_by(*model, ground_.plain, ground_.battery);
+  return found(Named{&*model, Verdict::partly_explained, 0.5 + 0.5 * closed, {}});
+}
+
+/// The model with the scan's effect on top, if that explains what is odd in those of its observables that no
+/// other effect was named for.
+std::optional<Model> Search::with_part(const Model& before, const Scan& scan) {
   constexpr double least_gap = 50;    // mean square of the largest deviations of these observables
   constexpr double larger_gap = 200;  // without a law of its own
   constexpr double promising = 0.3;   // part of their squares, by the scan, which does not recalibrate
+  constexpr double law_shows = 0.05;  // likewise, of a law of its own
   constexpr double ahead = 0.15;      // of any other effect, of the gap
   constexpr double grown = 1.1;       // the gap elsewhere must not be
-  constexpr double foremost = 0.25;   // nor, beside what the effect explains, without a law of its own
   const Model& plain = ground_.plain;
-  const bool atoms = !plain.lab.scene.sites.empty();
-  for (const Scan& scan : scans_) {
-    const bool own_law = scan.effect->own_law;
-    if (!own_law && atoms) continue;
-    const std::vector<std::string>& observables = scan.effect->observables;
-    const Eigen::VectorXd own = only_of(observables, ground_.battery);
-    const Eigen::VectorXd others = Eigen::VectorXd::Ones(own.size()) - own;
-    const double gap = gap_of(plain.z.cwiseProduct(own));
-    if (gap < (own_law ? least_gap : larger_gap)) continue;
-    const PartMatch match = match_part(scan, own, seen_);
-    if (match.share < promising) continue;
-    std::vector<Model> judged = fit_in_part(scan, match, observables);
-    if (judged.empty()) continue;
-    Model& model = judged.front();
-    const Eigen::VectorXd elsewhere = in_larger_units(*model.standard, *plain.standard).cwiseProduct(others);
-    const double closed = closed_by(model, plain, ground_.battery);
-    const double left = gap_of(model.z.cwiseProduct(elsewhere));
-    if (significant(model).empty() || closed < (own_law ? least_part_closed : least_closed_if_odd) ||
-        left > grown * gap_of(plain.z.cwiseProduct(others)) || (!own_law && left > foremost * gap))
-      continue;
-    if (closed_by_rival(scan, model, own) > closed - ahead) continue;
-    return found(Named{&model, Verdict::partly_explained, 0.5 + 0.5 * closed, {}});
-  }
-  return {};
+  const bool own_law = scan.effect->own_law;
+  if (!own_law && atoms()) return {};
+  std::vector<std::string> observables;
+  for (const std::string& one : scan.effect->observables)
+    if (std::find(before.explains.begin(), before.explains.end(), one) == before.explains.end())
+      observables.push_back(one);
+  if (observables.empty()) return {};
+  const Eigen::VectorXd own = only_of(observables, ground_.battery);
+  if (gap_of(before.z.cwiseProduct(own)) < (own_law ? least_gap : larger_gap)) return {};
+  const PartMatch match = match_part(scan, own, seen_);
+  if (match.share < (own_law && !atoms() ? law_shows : promising)) return {};
+  std::vector<Model> judged = fit_in_part(before, scan, match, observables);
+  if (judged.empty()) return {};
+  Model& model = judged.front();
+  const double closed = closed_by(model, plain, ground_.battery, observables);
+  if (significant(model).size() < model.effects.size() ||
+      closed < (own_law ? least_part_closed : least_closed_if_odd))
+    return {};
+  const Eigen::VectorXd others = Eigen::VectorXd::Ones(own.size()) - only_of(model.explains, ground_.battery);
+  const Eigen::VectorXd elsewhere = in_larger_units(*model.standard, *plain.standard).cwiseProduct(others);
+  if (gap_of(model.z.cwiseProduct(elsewhere)) > grown * gap_of(before.z.cwiseProduct(others))) return {};
+  if (closed_by_rival(before, scan, model, observables) > closed - ahead) return {};
+  return std::move(model);
 }
 
 /// The model with the scan's effect added, about these parameters; what shapes the mean image as aberrations
@@ -411,33 +426,37 @@ const Scan& Search::scan_of(const std::string& name) const {
                        [&](const Scan& one) { return one.effect->name == name; });
 }
 
-/// One model or none.
-std::vector<Model> Search::fit_in_part(const Scan& scan, const PartMatch& match,
+/// With the scan's effect on top, for these observables as well: one model or none.
+std::vector<Model> Search::fit_in_part(const Model& before, const Scan& scan, const PartMatch& match,
                                        const std::vector<std::string>& observables) {
   std::vector<Contender> contenders;
-  contenders.push_back(
-      {scan.effect->name + ", in part", with(ground_.plain, scan, match.best), scan.best().log_likelihood});
-  contenders.back().model.explains = observables;
+  Model model = before.effects.empty() ? with(before, scan, match.best)
+                                       : with(only(before, before.effects), scan, match.best);
+  model.explains = before.explains;
+  model.explains.insert(model.explains.end(), observables.begin(), observables.end());
+  contenders.push_back({title(model) + ", in part", std::move(model), scan.best().log_likelihood});
   return fit_and_judge(std::move(contenders), 0.95, 1);
 }
 
-/// What the other effect that the scan finds most of in these observables closes of their gap. Nothing,
-/// beside an effect without a law of its own, if it is far less likely all in all: what it does elsewhere is
-/// not there.
-double Search::closed_by_rival(const Scan& scan, const Model& model, const Eigen::VectorXd& own) {
+/// What the other effect that the scan finds most of in these observables closes of their gap. Nothing, in
+/// frames without atoms, if it is far less likely all in all: what it does elsewhere is not there.
+double Search::closed_by_rival(const Model& before, const Scan& scan, const Model& model,
+                               const std::vector<std::string>& observables) {
   constexpr double far_less = 30;  // of the logarithmic likelihood
+  const Eigen::VectorXd own = only_of(observables, ground_.battery);
   const Scan* rival = nullptr;
   PartMatch best;
   for (const Scan& other : scans_)
-    if (PartMatch match = match_part(other, own, seen_); &other != &scan && match.share > best.share) {
+    if (PartMatch match = match_part(other, own, seen_);
+        &other != &scan && !before.has(other.effect->name) && match.share > best.share) {
       rival = &other;
       best = std::move(match);
     }
   if (!rival) return 0;
-  const std::vector<Model> judged = fit_in_part(*rival, best, model.explains);
+  const std::vector<Model> judged = fit_in_part(before, *rival, best, observables);
   if (judged.empty()) return 0;
-  if (!scan.effect->own_law && judged.front().log_likelihood < model.log_likelihood - far_less) return 0;
-  return closed_by(judged.front(), ground_.plain, ground_.battery);
+  if (!atoms() && judged.front().log_likelihood < model.log_likelihood - far_less) return 0;
+  return closed_by(judged.front(), ground_.plain, ground_.battery, observables);
 }
 
 }  // namespace atomcam

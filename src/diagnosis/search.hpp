@@ -56,6 +56,7 @@ class Search {
   std::vector<Model> triples(const Model& pair);
   std::optional<Found> in_part();
 
+  bool atoms() const { return !ground_.plain.lab.scene.sites.empty(); }
   void scan();
   void note_scans();
   std::vector<Contender> starts();
@@ -65,11 +66,13 @@ class Search {
   const Scan& scan_of(const std::string& name) const;
   std::vector<Model> fit_and_judge(std::vector<Contender> contenders, double from, double to,
                                    double alone = 1e300);
-  std::vector<Model> fit_in_part(const Scan& scan, const PartMatch& match,
+  std::optional<Model> with_part(const Model& before, const Scan& scan);
+  std::vector<Model> fit_in_part(const Model& before, const Scan& scan, const PartMatch& match,
                                  const std::vector<std::string>& observables);
   void add_starts_of_shaking(std::vector<Contender>& contenders);
   const std::array<double, zernike_terms>& moving_zernikes();
-  double closed_by_rival(const Scan& scan, const Model& model, const Eigen::VectorXd& own);
+  double closed_by_rival(const Model& before, const Scan& scan, const Model& model,
+                         const std::vector<std::string>& observables);
   Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about);
   Model only(const Model& model, const std::vector<std::string>& names) const;
   bool likelier(const Model& model, const Model& fewer) const;

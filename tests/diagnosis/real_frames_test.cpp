@@ -77,11 +77,8 @@ TEST(RealFrames, ManyPixelsTellAStrengthBetter) {
   EXPECT_GT(named.gap.part_closed, 0.82);
 }
 
-// Whatever else the frames have: rows that are moved by a count are found, with what they were moved by.
-TEST(RealFrames, NoiseOfRowsPlantedIntoThemIsNamed) {
-  const char* data = std::getenv("ATOMCAM_DATA");
-  if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
-  constexpr double sigma_counts = 1;
+/// The dark frames, every row of each moved by another amount.
+FramesInMemory with_noise_of_rows(const std::filesystem::path& data, double sigma_counts) {
   std::vector<CountImage> frames = middle_of_the_dark_frames(data);
   RandomStream random(3, stream_id("planted"), 0, 0);
   for (CountImage& frame : frames)
@@ -91,15 +88,46 @@ TEST(RealFrames, NoiseOfRowsPlantedIntoThemIsNamed) {
         counts = static_cast<std::uint16_t>(
             std::lround(counts + moved + (static_cast<double>(random()) + 0.5) * 0x1p-32 - 0.5));
     }
+  return FramesInMemory(std::move(frames));
+}
+
+// Whatever else the frames have: rows that are moved by a count are found, with what they were moved by.
+TEST(RealFrames, NoiseOfRowsPlantedIntoThemIsNamed) {
+  const char* data = std::getenv("ATOMCAM_DATA");
+  if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
+  constexpr double sigma_counts = 1;
   DiagnosisOptions options;
   options.threads = 2;
   options.include = {"row_noise", "emi_stripes"};
   const Diagnosis found =
-      diagnose(notes_of_the_dark_frames(), FramesInMemory(std::move(frames)), nullptr, options);
+      diagnose(notes_of_the_dark_frames(), with_noise_of_rows(data, sigma_counts), nullptr, options);
   EXPECT_EQ(found.verdict, Verdict::partly_explained) << found.sentence;
   ASSERT_EQ(found.effects.size(), 1) << found.sentence;
   EXPECT_EQ(found.effects[0].name, "row_noise");
   EXPECT_NEAR(found.effects[0].parameters[0].value, sigma_counts, 0.1);
+}
+
+// The camera's own effect is named beside a planted one, and neither makes the other another strength.
+TEST(RealFrames, TwoEffectsAmongOthersAreNamedEachForItsOwnObservables) {
+  const char* data = std::getenv("ATOMCAM_DATA");
+  if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
+  constexpr double sigma_counts = 0.75;
+  DiagnosisOptions options;
+  options.threads = 2;
+  options.include = {"row_noise", "serial_cic"};
+  const Diagnosis found =
+      diagnose(notes_of_the_dark_frames(), with_noise_of_rows(data, sigma_counts), nullptr, options);
+  EXPECT_EQ(found.verdict, Verdict::partly_explained) << found.sentence;
+  ASSERT_EQ(found.effects.size(), 2) << found.sentence;
+  const auto strength = [&](const char* name) {
+    for (const FoundEffect& one : found.effects)
+      if (one.name == name) return one.parameters[0].value;
+    return 0.0;
+  };
+  EXPECT_NEAR(strength("row_noise"), sigma_counts, 0.1);
+  EXPECT_NEAR(strength("serial_cic"), 1, 0.2);
+  EXPECT_GT(found.gap.part_closed, 0.75);
+  EXPECT_TRUE(found.unexplained.present);
 }
 
 }  // namespace

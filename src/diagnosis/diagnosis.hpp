@@ -105,7 +105,7 @@ struct DiagnosisOptions {
   int threads = 1;
   bool where_only = false;
   bool all_frames = false;  // also of a stack so large that a part is looked at, however long it takes
-  std::size_t block = 10;  // frames of a part
+  std::size_t block = 10;   // frames of a part
   /// Where results of simulated stacks are kept for the next diagnosis of the same data; empty: nowhere.
   std::filesystem::path cache;
   /// What is under way.
@@ -115,8 +115,12 @@ struct DiagnosisOptions {
 };
 
 struct Diagnosis {
-  bool against = false;  // another stack was in the place of the simulation
+  bool against = false;                             // another stack was in the place of the simulation
   FrameChoice frames, dark_frames, against_frames;  // that were looked at
+  /// Of the stack in this role ("frames", "darks", "against"); none for others.
+  FrameChoice looked_at(std::string_view role) const {
+    return role == "frames" ? frames : role == "darks" ? dark_frames : role == "against" ? against_frames : 0;
+  }
   Verdict verdict = Verdict::no_gap;
   std::string sentence;
   std::vector<FoundEffect> effects;

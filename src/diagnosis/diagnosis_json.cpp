@@ -133,10 +133,8 @@ Json inputs_of(const DiagnosisInputs& inputs, const Diagnosis& diagnosis) {
       one["frames"] = file.frames;
       one["shape"] = {file.shape.rows, file.shape.columns};
     }
-    for (const auto& [role, choice] : {std::pair("frames", diagnosis.frames),
-                                       {"darks", diagnosis.dark_frames},
-                                       {"against", diagnosis.against_frames}})
-      if (file.role == role && choice.count() > 0) one["looked_at"] = choice.count();
+    if (const FrameChoice choice = diagnosis.looked_at(file.role); choice.count() > 0)
+      one["looked_at"] = choice.count();
     out[file.role] = std::move(one);
   }
   out["exclude"] = inputs.exclude;

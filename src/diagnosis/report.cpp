@@ -159,14 +159,17 @@ std::string hypotheses(const Diagnosis& diagnosis) {
   return out + "</table>\n";
 }
 
-std::string inputs_markup(const DiagnosisInputs& inputs) {
+std::string inputs_markup(const DiagnosisInputs& inputs, const Diagnosis& diagnosis) {
   std::string out = "<table>\n<tr><th>input</th><th>file</th><th>frames</th><th>SHA-256</th></tr>\n";
-  for (const DiagnosisInputs::File& file : inputs.files)
-    out += fmt::format(
-        "<tr><td>{}</td><td>{}</td><td>{}</td><td><code>{}</code></td></tr>\n", escaped(file.role),
-        escaped(file.path),
-        file.frames ? fmt::format("{} × {} × {}", file.frames, file.shape.rows, file.shape.columns) : "",
-        file.sha256);
+  for (const DiagnosisInputs::File& file : inputs.files) {
+    std::string frames;
+    if (file.frames > 0)
+      frames = fmt::format("{} × {} × {}", file.frames, file.shape.rows, file.shape.columns);
+    if (const FrameChoice choice = diagnosis.looked_at(file.role); !choice.is_all())
+      frames += fmt::format(", looked at: {}", choice.count());
+    out += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td><code>{}</code></td></tr>\n",
+                       escaped(file.role), escaped(file.path), frames, file.sha256);
+  }
   return out + "</table>\n";
 }
 
@@ -232,7 +235,7 @@ std::string diagnosis_report(const Diagnosis& diagnosis, const DiagnosisInputs& 
          parameter_table_markup(diagnosis.calibration) + "</details>\n";
   for (const std::string& warning : diagnosis.calibration.warnings)
     out += fmt::format("<p><b>Warning:</b> {}</p>\n", escaped(warning));
-  out += "<h2>Made from</h2>\n" + inputs_markup(inputs);
+  out += "<h2>Made from</h2>\n" + inputs_markup(inputs, diagnosis);
   out += fmt::format("<p class=\"note\">atomcam {}, seed {}, {:.0f} s.</p>\n<pre>{}</pre>\n",
                      escaped(inputs.version), inputs.seed, diagnosis.seconds, escaped(inputs.command));
   return page("atomcam: " + verdict_in_words(diagnosis.verdict), out);

@@ -23,6 +23,7 @@ Diagnosis everything() {
   Diagnosis d;
   d.verdict = Verdict::partly_explained;
   d.sentence = "a < b & \"c\"";
+  d.frames = FrameChoice(300, 64, 16);
   d.effects = {{.name = "row_noise",
                 .stage = "sensor",
                 .parameters = {{"sigma_counts", "counts", 2.5, 2.4, 2.6}},
@@ -174,6 +175,7 @@ TEST(DiagnosisJson, KeysAreStable) {
                                           "inputs.frames.sha256",
                                           "inputs.frames.frames",
                                           "inputs.frames.shape[]",
+                                          "inputs.frames.looked_at",
                                           "inputs.notes.file",
                                           "inputs.notes.sha256",
                                           "inputs.exclude",
@@ -196,6 +198,7 @@ TEST(DiagnosisJson, ValuesAreThoseOfTheDiagnosis) {
   EXPECT_EQ(json.at("gap").at("second_opinions")[0].at("before").at("value"), 0.9);
   EXPECT_EQ(json.at("gap").at("detection")[0].at("before").at("true_fidelity").at("value"), 0.991);
   EXPECT_TRUE(json.at("gap").at("detection")[0].at("real").at("true_fidelity").is_null());
+  EXPECT_EQ(json.at("inputs").at("frames").at("looked_at"), 64);
 }
 
 struct Stacks {

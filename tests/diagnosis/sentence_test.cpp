@@ -15,6 +15,16 @@ TEST(Sentence, NamesEveryNeighbourOnce) {
             "row_noise and hot_pixels or cosmic_rays, dual_adc_peaks: these frames cannot tell them apart.");
 }
 
+TEST(Sentence, OfAgreementSaysHowManyFramesWereLookedAt) {
+  Diagnosis diagnosis;
+  diagnosis.p_gap = 0.25;
+  diagnosis.frames = 1000;
+  EXPECT_EQ(sentence_of(diagnosis), "The frames agree with the calibrated plain model (p = 0.25).");
+  diagnosis.frames = FrameChoice(1000, 64, 16);
+  EXPECT_EQ(sentence_of(diagnosis),
+            "The frames agree with the calibrated plain model (p = 0.25; 64 of 1000 were looked at).");
+}
+
 TEST(Sentence, SaysWhatCalibrationWarnsOf) {
   Diagnosis diagnosis;
   diagnosis.verdict = Verdict::unexplained;

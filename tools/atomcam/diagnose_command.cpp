@@ -74,11 +74,10 @@ void print_summary(const Diagnosis& diagnosis) {
     for (const FoundParameter& p : effect.parameters)
       fmt::print("  {}.{} = {:.4g} +- {:.2g}{}{}\n", effect.name, p.name, p.value, p.error(),
                  p.unit == "1" ? "" : " ", p.unit == "1" ? "" : p.unit);
-  for (const auto& [stack, choice] : {std::pair("frames", diagnosis.frames),
-                                      {"dark frames", diagnosis.dark_frames},
-                                      {"frames compared with", diagnosis.against_frames}})
-    if (!choice.is_all())
-      fmt::print("looked at {} of {} {} (--all-frames: at all)\n", choice.count(), choice.all(), stack);
+  for (const char* stack : {"frames", "darks", "against"})
+    if (const FrameChoice choice = diagnosis.looked_at(stack); !choice.is_all())
+      fmt::print("looked at {} of {} frames of --{} (--all-frames: at all)\n", choice.count(), choice.all(),
+                 stack);
   for (const std::string& one : diagnosis.calibration.warnings) fmt::print("warning: {}\n", one);
   for (const std::string& one : diagnosis.next_measurement) fmt::print("next: {}\n", one);
 }

@@ -13,6 +13,12 @@
 namespace atomcam {
 namespace {
 
+/// "a, b and c".
+std::string in_a_row(const std::vector<std::string>& list) {
+  if (list.size() < 2) return list.empty() ? "" : list.front();
+  return fmt::format("{} and {}", fmt::join(list.begin(), list.end() - 1, ", "), list.back());
+}
+
 std::vector<std::string> strongest(const std::vector<StatisticDeclaration>& battery,
                                    const Eigen::VectorXd& z) {
   std::vector<std::size_t> order(battery.size());
@@ -99,7 +105,7 @@ std::string sentence_of(const Diagnosis& d) {
             "{} {} {} of the gap in {} on held-out frames; what remains, there and elsewhere, is not "
             "explained: {}.",
             names(), d.effects.size() > 1 ? "close" : "closes", percent(d.gap.part_closed),
-            fmt::join(d.gap.explains, " and "), d.unexplained.looks_like);
+            in_a_row(d.gap.explains), d.unexplained.looks_like);
       return fmt::format("{} {} {} of the gap on held-out frames; what remains is not explained.", names(),
                          d.effects.size() > 1 ? "close" : "closes", percent(d.gap.closed));
     case Verdict::ambiguous: {

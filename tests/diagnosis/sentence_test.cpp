@@ -15,6 +15,22 @@ TEST(Sentence, NamesEveryNeighbourOnce) {
             "row_noise and hot_pixels or cosmic_rays, dual_adc_peaks: these frames cannot tell them apart.");
 }
 
+TEST(Sentence, ListsWhatIsExplainedInPart) {
+  Diagnosis found;
+  found.verdict = Verdict::partly_explained;
+  found.effects.push_back({"row_noise", "sensor", {}, 0.9, {}});
+  found.gap.part_closed = 0.92;
+  found.unexplained.looks_like = "stripes";
+  for (const auto& [explains, words] : {std::pair(std::vector<std::string>{"a"}, "a"),
+                                        {{"a", "b"}, "a and b"},
+                                        {{"a", "b", "c"}, "a, b and c"}}) {
+    found.gap.explains = explains;
+    EXPECT_EQ(sentence_of(found),
+              std::string("row_noise closes 92 % of the gap in ") + words +
+                  " on held-out frames; what remains, there and elsewhere, is not explained: stripes.");
+  }
+}
+
 TEST(Sentence, OfAgreementSaysHowManyFramesWereLookedAt) {
   Diagnosis diagnosis;
   diagnosis.p_gap = 0.25;

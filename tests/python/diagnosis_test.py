@@ -74,6 +74,7 @@ class Diagnoses(unittest.TestCase):
         inputs = found.as_dict()["inputs"]
         self.assertEqual(inputs["frames"]["sha256"], hashlib.sha256(self.noisy.tobytes()).hexdigest())
         self.assertEqual((inputs["frames"]["frames"], inputs["frames"]["shape"]), (48, [64, 64]))
+        self.assertEqual(inputs["frames"]["looked_at"], 48)
         self.assertEqual((inputs["include"], inputs["seed"]), (["row_noise"], 5))
         self.assertIn("atomcam.diagnose(frames=<uint16 array [48, 64, 64]>", inputs["command"])
         # Told on the calling thread, forwards, to the end.
@@ -96,7 +97,8 @@ class Diagnoses(unittest.TestCase):
         here = os.getcwd()
         self.addCleanup(os.chdir, here)
         os.chdir(self.folder.name)
-        files = self.where("frames.npy", "notes.json", darks="darks.npy", threads=2, seed=3).as_dict()
+        files = self.where("frames.npy", "notes.json", darks="darks.npy", threads=2, seed=3, all_frames=True).as_dict()
+        self.assertIn("all_frames=True", files["inputs"]["command"])
         arrays = self.where(self.noisy, darks=self.darks, threads=2, seed=3, cache="kept").as_dict()
         self.assertTrue(os.listdir("kept"))
         again = self.where(self.noisy, darks=self.darks, threads=2, seed=3, cache="kept").as_dict()

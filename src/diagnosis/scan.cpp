@@ -110,8 +110,8 @@ void explore(Scan& scan, const Model& before, int stacks, const StackPlan& plan,
              const std::function<void(int)>& progress) {
   if (scan.open.empty()) {
     const Region& frame = before.lab.settings.region;
-    scan.open =
-        effect_prior(*scan.effect, std::max(frame.width, frame.height), static_cast<double>(plan.frames.all()));
+    scan.open = effect_prior(*scan.effect, std::max(frame.width, frame.height),
+                             static_cast<double>(plan.frames.all()));
   }
   Eigen::MatrixXd own;
   if (scan.draws.rows() == 0) {

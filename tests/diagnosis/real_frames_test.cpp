@@ -77,8 +77,9 @@ TEST(RealFrames, ManyPixelsTellAStrengthBetter) {
   EXPECT_GT(named.gap.part_closed, 0.82);
 }
 
-/// The dark frames, every row of each moved by another amount.
-FramesInMemory with_noise_of_rows(const std::filesystem::path& data, double sigma_counts) {
+/// Of the dark frames, every row of each moved by another amount.
+Diagnosis diagnose_with_noise_of_rows(const std::filesystem::path& data, double sigma_counts,
+                                      const std::vector<std::string>& include) {
   std::vector<CountImage> frames = middle_of_the_dark_frames(data);
   RandomStream random(3, stream_id("planted"), 0, 0);
   for (CountImage& frame : frames)
@@ -88,7 +89,10 @@ FramesInMemory with_noise_of_rows(const std::filesystem::path& data, double sigm
         counts = static_cast<std::uint16_t>(
             std::lround(counts + moved + (static_cast<double>(random()) + 0.5) * 0x1p-32 - 0.5));
     }
-  return FramesInMemory(std::move(frames));
+  DiagnosisOptions options;
+  options.threads = 2;
+  options.include = include;
+  return diagnose(notes_of_the_dark_frames(), FramesInMemory(std::move(frames)), nullptr, options);
 }
 
 // Whatever else the frames have: rows that are moved by a count are found, with what they were moved by.
@@ -96,11 +100,7 @@ TEST(RealFrames, NoiseOfRowsPlantedIntoThemIsNamed) {
   const char* data = std::getenv("ATOMCAM_DATA");
   if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
   constexpr double sigma_counts = 1;
-  DiagnosisOptions options;
-  options.threads = 2;
-  options.include = {"row_noise", "emi_stripes"};
-  const Diagnosis found =
-      diagnose(notes_of_the_dark_frames(), with_noise_of_rows(data, sigma_counts), nullptr, options);
+  const Diagnosis found = diagnose_with_noise_of_rows(data, sigma_counts, {"row_noise", "emi_stripes"});
   EXPECT_EQ(found.verdict, Verdict::partly_explained) << found.sentence;
   ASSERT_EQ(found.effects.size(), 1) << found.sentence;
   EXPECT_EQ(found.effects[0].name, "row_noise");
@@ -112,11 +112,7 @@ TEST(RealFrames, TwoEffectsAmongOthersAreNamedEachForItsOwnObservables) {
   const char* data = std::getenv("ATOMCAM_DATA");
   if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
   constexpr double sigma_counts = 0.75;
-  DiagnosisOptions options;
-  options.threads = 2;
-  options.include = {"row_noise", "serial_cic"};
-  const Diagnosis found =
-      diagnose(notes_of_the_dark_frames(), with_noise_of_rows(data, sigma_counts), nullptr, options);
+  const Diagnosis found = diagnose_with_noise_of_rows(data, sigma_counts, {"row_noise", "serial_cic"});
   EXPECT_EQ(found.verdict, Verdict::partly_explained) << found.sentence;
   ASSERT_EQ(found.effects.size(), 2) << found.sentence;
   const auto strength = [&](const char* name) {

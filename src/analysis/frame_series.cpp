@@ -8,6 +8,22 @@
 namespace atomcam::analysis {
 namespace {
 
+/// Inverse hyperbolic tangent of the correlation of two series over the frames of a part.
+double correlation(const std::vector<double>& a, const std::vector<double>& b, const Record& record,
+                   Part which) {
+  const double count = static_cast<double>(record.count(which));
+  double mean_a = 0, mean_b = 0, cross = 0, square_a = 0, square_b = 0;
+  for (std::size_t n = 0; n < record.frames; ++n)
+    if (record.holds(which, n)) mean_a += a[n] / count, mean_b += b[n] / count;
+  for (std::size_t n = 0; n < record.frames; ++n)
+    if (record.holds(which, n)) {
+      cross += (a[n] - mean_a) * (b[n] - mean_b);
+      square_a += (a[n] - mean_a) * (a[n] - mean_a);
+      square_b += (b[n] - mean_b) * (b[n] - mean_b);
+    }
+  return count > 5 ? std::atanh(0.999 * cross / std::sqrt(square_a * square_b)) : not_a_number;
+}
+
 class FrameSeries : public Family {
  public:
   explicit FrameSeries(const Layout& layout) : layout_(layout) {}
@@ -42,26 +58,19 @@ class FrameSeries : public Family {
     sheet.put_unsteady("most_alike", pairs > 2 ? std::asinh(largest * width / 4) : not_a_number);
     sheet.put("least_alike", pairs > 2 ? std::asinh(smallest * width / 4) : not_a_number);
     sheet.put("alike", pairs > 2 ? std::asinh(sum / std::sqrt(pairs) * width / 4) : not_a_number);
+    // Charge brings noise of its own, a shift of the electronics does not.
+    std::vector<double> own_noise(record.frames);
+    for (std::size_t n = 0; n < record.frames; ++n)
+      own_noise[n] = record.noise[n] - record.level[n] * record.level[n];
+    sheet.kind({"frame_means", "intensity", "whole frame"});
+    sheet.put("noise_against_level", correlation(own_noise, record.level, record, which));
     if (layout_.packed.empty()) return;
     // Background that follows the atoms' light: halo, droop of the baseline.
-    double light = 0, level = 0;
     std::vector<double> all(record.frames);
     for (std::size_t n = 0; n < record.frames; ++n)
-      if (record.holds(which, n)) {
-        for (std::size_t s = 0; s < record.sites(); ++s) all[n] += record.bright(n, s);
-        light += all[n] / count;
-        level += record.level[n] / count;
-      }
-    double cross = 0, square = 0, own = 0;
-    for (std::size_t n = 0; n < record.frames; ++n)
-      if (record.holds(which, n)) {
-        cross += (all[n] - light) * (record.level[n] - level);
-        square += (all[n] - light) * (all[n] - light);
-        own += (record.level[n] - level) * (record.level[n] - level);
-      }
+      for (std::size_t s = 0; s < record.sites(); ++s) all[n] += record.bright(n, s);
     sheet.kind({"point_spread_halo", "intensity", "dark pixels"});
-    sheet.put("level_against_light",
-              count > 5 ? std::atanh(0.999 * cross / std::sqrt(square * own)) : not_a_number);
+    sheet.put("level_against_light", correlation(all, record.level, record, which));
   }
 
  private:

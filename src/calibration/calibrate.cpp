@@ -195,9 +195,9 @@ class Calibrator {
     const double n = static_cast<double>(light_.frames), read_e = noise_ / counts_per_electron();
     double dark_variance_e2 = (excess() * dark_e_ + read_e * read_e) / n;
     if (!emccd())
-      dark_variance_e2 += input_.darks
-                              ? read_e * read_e / static_cast<double>(dark_.frames)
-                              : std::pow(result_.dark_maps.offset_sigma_counts / counts_per_electron(), 2);
+      dark_variance_e2 +=
+          input_.darks ? read_e * read_e / static_cast<double>(dark_.frames)
+                       : std::pow(result_.dark_maps.offset_sigma_counts.value() / counts_per_electron(), 2);
     return mean_image(light_, dark_levels(), counts_per_electron(), excess(), dark_variance_e2);
   }
 
@@ -535,10 +535,10 @@ class Calibrator {
       ReadoutMode& mode = qcmos.readout_modes.front();
       mode.electrons_per_count = electrons_per_count_;
       mode.read_noise_e = noise_ * electrons_per_count_;
-      qcmos.read_noise_log_sigma = result_.dark_maps.read_noise_log_sigma;
-      qcmos.offset_sigma_counts = result_.dark_maps.offset_sigma_counts;
-      qcmos.column_gumbel_counts = result_.dark_maps.column_gumbel_counts;
-      qcmos.row_offset_sigma_counts = result_.dark_maps.row_offset_sigma_counts;
+      qcmos.read_noise_log_sigma = result_.dark_maps.read_noise_log_sigma.value();
+      qcmos.offset_sigma_counts = result_.dark_maps.offset_sigma_counts.value();
+      qcmos.column_gumbel_counts = result_.dark_maps.column_gumbel_counts.value();
+      qcmos.row_offset_sigma_counts = result_.dark_maps.row_offset_sigma_counts.value();
     }
   }
 

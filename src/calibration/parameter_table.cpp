@@ -61,6 +61,9 @@ class Table {
     rows_.push_back(
         {std::move(key), std::move(unit), noted, fitted, std::isfinite(error) ? error : 0, false});
   }
+  void spread(std::string key, std::string unit, const Spread& of) {
+    fit(std::move(key), std::move(unit), not_noted, of.value(), of.error());
+  }
   /// A factor of the product above: the frames do not tell it apart.
   void split(std::string key, std::string unit, double noted, double value) {
     rows_.push_back({std::move(key), std::move(unit), noted, value, 0, true});
@@ -104,13 +107,10 @@ class Table {
     fit("sensor.read_noise_e / electrons_per_count", "counts", notes_.read_noise_counts,
         calibration_.model.read_noise_counts, maps.read_noise_error);
     electrons_per_count(sensor.readout_modes.front().electrons_per_count);
-    fit("sensor.read_noise_log_sigma", "1", not_noted, maps.read_noise_log_sigma,
-        maps.read_noise_log_sigma_error);
-    fit("sensor.offset_sigma_counts", "counts", not_noted, maps.offset_sigma_counts, maps.offset_sigma_error);
-    fit("sensor.column_gumbel_counts", "counts", not_noted, maps.column_gumbel_counts,
-        maps.column_gumbel_error);
-    fit("sensor.row_offset_sigma_counts", "counts", not_noted, maps.row_offset_sigma_counts,
-        maps.row_offset_sigma_error);
+    spread("sensor.read_noise_log_sigma", "1", maps.read_noise_log_sigma);
+    spread("sensor.offset_sigma_counts", "counts", maps.offset_sigma_counts);
+    spread("sensor.column_gumbel_counts", "counts", maps.column_gumbel_counts);
+    spread("sensor.row_offset_sigma_counts", "counts", maps.row_offset_sigma_counts);
     split("sensor.dark_rate_e_per_s", "e/pixel/s", notes_.dark_e_per_s, sensor.dark_rate_e_per_s);
   }
 

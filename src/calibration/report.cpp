@@ -197,9 +197,9 @@ class Report {
       if (const double k = std::sqrt(sums.variance(i)) / sigma * bins / 3; k < bins)
         count[static_cast<std::size_t>(k)] += 1;
     // Normal in the logarithm, wider by what a variance of so many frames scatters.
-    const double spread =
-        std::hypot(fit.read_noise_log_sigma, 1 / std::sqrt(2.0 * static_cast<double>(sums.frames - 1)));
-    const double middle = std::log(sigma) - fit.read_noise_log_sigma * fit.read_noise_log_sigma;
+    const double own = fit.read_noise_log_sigma.value();
+    const double spread = std::hypot(own, 1 / std::sqrt(2.0 * static_cast<double>(sums.frames - 1)));
+    const double middle = std::log(sigma) - own * own;
     const double pixels = static_cast<double>(sums.sum.pixels().size());
     Line law{.label = "fit", .colour = orange, .x = {}, .y = {}, .width = 2, .error = {}};
     for (int k = 0; k < bins; ++k) {
@@ -224,7 +224,7 @@ class Report {
         "by {} "
         "counts.</p>\n<figure>{}</figure>\n",
         with_error(fit.bias_counts, fit.bias_error), with_error(fit.read_noise_counts, fit.read_noise_error),
-        short_number(fit.offset_sigma_counts, 3), svg(chart));
+        short_number(fit.offset_sigma_counts.value(), 3), svg(chart));
   }
 
   std::vector<std::uint64_t> darkest() const {

@@ -36,10 +36,6 @@ constexpr double robust_loss = 1.92;   // error of such a sigma^2, in sigma^2 / 
 double square(double x) {
   return x * x;
 }
-/// Of the square root of what has this error; at zero, what it could be.
-double error_of_root(double root, double error_of_square) {
-  return error_of_square / std::max(2 * root, std::sqrt(error_of_square));
-}
 /// Second derivative of ln Gamma, for x >= 1.
 double trigamma(double x) {
   double sum = 0;
@@ -295,6 +291,10 @@ CountFit fit_counts(const std::vector<CountHistogram>& histograms, bool first_is
   return fit;
 }
 
+double Spread::error() const {
+  return error_of_square > 0 ? error_of_square / std::max(2 * value(), std::sqrt(error_of_square)) : 0;
+}
+
 QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
   QcmosDarkFit fit;
   const int rows = darks.sum.rows(), columns = darks.sum.columns();
@@ -330,12 +330,12 @@ QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
     const double chi_part = std::min(1.0, std::sqrt(chi_variance) / width);
     skewness = chi_skewness * std::pow(chi_part, 3);
     kurtosis = chi_kurtosis * std::pow(chi_part, 4);
-    width = std::max(std::sqrt(chi_variance), distance / (quantile_at(high) - quantile_at(low)));
+    width = distance / (quantile_at(high) - quantile_at(low));
   }
-  fit.read_noise_log_sigma = std::sqrt(std::max(0.0, square(width) - chi_variance) / 4);
+  fit.read_noise_log_sigma.square = (square(width) - chi_variance) / 4;
   const double mean_log = quantile(log_variances, 0.22) - width * quantile_at(high);
   const double sigma_median = std::exp(0.5 * (mean_log + 1 / degrees));
-  fit.read_noise_counts = sigma_median * std::exp(square(fit.read_noise_log_sigma));
+  fit.read_noise_counts = sigma_median * std::exp(square(fit.read_noise_log_sigma.value()));
   // Error of ln noise = mean_log / 2 + log_sigma^2 from the covariance of the two quantiles.
   constexpr double density_low = 0.06804, density_high = 0.29611;  // of the normal law there
   const double scatter_low = stretch_at(low) / density_low, scatter_high = stretch_at(high) / density_high;
@@ -349,7 +349,7 @@ QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
   // 4 log_sigma^2 = width^2 less a constant.
   const double width_error =
       width / (high - low) * std::sqrt((variance_low + variance_high - 2 * covariance) / pixels);
-  fit.read_noise_log_sigma_error = error_of_root(fit.read_noise_log_sigma, width * width_error / 2);
+  fit.read_noise_log_sigma.error_of_square = width * width_error / 2;
   // Offsets: columns and rows by the middle of the other axis.
   std::vector<double> column_level, row_level, rest;
   for (int c = 0; c < columns; ++c) {
@@ -372,31 +372,26 @@ QcmosDarkFit fit_qcmos_darks(const StackSums& darks) {
   // the quantiles in (Cornish and Fisher's term of the kurtosis).
   const double seen =
       square(robust_sigma(rest)) * pixels / (std::max(1, rows - 1) * std::max(1, columns - 1));
-  const double tails = 3 * std::expm1(4 * square(fit.read_noise_log_sigma)) *
+  const double tails = 3 * std::expm1(4 * square(fit.read_noise_log_sigma.value())) *
                        square(std::min(1.0, noise_of_mean / std::max(seen, 1e-300)));
   const double pixel_spread = seen * (1 + std::min(0.5, tails / 6));
-  fit.offset_sigma_counts = std::sqrt(std::max(0.0, pixel_spread - noise_of_mean));
-  fit.offset_sigma_error =
-      error_of_root(fit.offset_sigma_counts, robust_loss * pixel_spread / std::sqrt(pixels));
+  fit.offset_sigma_counts = {pixel_spread - noise_of_mean, robust_loss * pixel_spread / std::sqrt(pixels)};
   // The levels of columns and rows with what the pixels leave in them.
   const double column_total = square(robust_sigma(column_level)), row_total = square(robust_sigma(row_level));
   // Half the distance of the 16 % and 84 % quantiles of Gumbel's law in its scale, and its error as above.
   constexpr double gumbel_sigma = 1.1829, gumbel_loss = 2.19;
-  const double column_excess = std::max(0.0, column_total - middle_loss * pixel_spread / rows);
-  fit.column_gumbel_counts = std::sqrt(column_excess) / gumbel_sigma;
-  fit.column_gumbel_error = error_of_root(
-      fit.column_gumbel_counts, gumbel_loss * column_total / square(gumbel_sigma) / std::sqrt(columns));
-  const double row_variance = std::max(0.0, row_total - middle_loss * pixel_spread / columns);
-  fit.row_offset_sigma_counts = std::sqrt(row_variance);
-  fit.row_offset_sigma_error =
-      error_of_root(fit.row_offset_sigma_counts, robust_loss * row_total / std::sqrt(rows));
+  fit.column_gumbel_counts = {(column_total - middle_loss * pixel_spread / rows) / square(gumbel_sigma),
+                              gumbel_loss * column_total / square(gumbel_sigma) / std::sqrt(columns)};
+  fit.row_offset_sigma_counts = {row_total - middle_loss * pixel_spread / columns,
+                                 robust_loss * row_total / std::sqrt(rows)};
+  const double row_variance = square(fit.row_offset_sigma_counts.value());
   // Error of the median of normal values, of which those of a column and of a row have a part in common: the
   // signs of two with correlation r agree as 2/pi asin r says (Sheppard).
-  const double column_variance = square(fit.column_gumbel_counts * std::numbers::pi) / 6;
+  const double column_variance = square(fit.column_gumbel_counts.value() * std::numbers::pi) / 6;
   const double all = pixel_spread + column_variance + row_variance;
   if (!(all > 0)) return fit;
   constexpr double third_cumulant = 2.404;  // of Gumbel's law, whose median lies below the mean
-  fit.bias_counts += third_cumulant * std::pow(fit.column_gumbel_counts, 3) / (6 * all);
+  fit.bias_counts += third_cumulant * std::pow(fit.column_gumbel_counts.value(), 3) / (6 * all);
   fit.bias_error =
       std::sqrt(all * (std::numbers::pi / 2 / pixels + std::asin(column_variance / all) / columns +
                        std::asin(row_variance / all) / rows));

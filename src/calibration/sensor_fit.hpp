@@ -2,6 +2,8 @@
 // The EMCCD's figures from histograms of counts (full-histogram likelihood), a qCMOS's from the maps of its
 // dark frames.
 
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "analysis/frame_sequence.hpp"
@@ -49,15 +51,21 @@ StackSums sum_stack(const FrameSequence& frames);
 /// occurrences stay.
 StackSums sum_stack_without_strikes(const FrameSequence& frames, double counts_per_electron);
 
+/// How much the members of a population differ. What is measured is the square, of which chance may leave
+/// less than nothing.
+struct Spread {
+  double square = 0, error_of_square = 0;
+  double value() const { return std::sqrt(std::max(0.0, square)); }
+  /// At zero, what it could be.
+  double error() const;
+};
+
 /// Population figures of a qCMOS by robust statistics (medians and quantiles), so that a few odd pixels do
 /// not move them.
 struct QcmosDarkFit {
   double bias_counts = 0, bias_error = 0;
   double read_noise_counts = 0, read_noise_error = 0;  // rms over the pixels
-  double read_noise_log_sigma = 0, read_noise_log_sigma_error = 0;
-  double offset_sigma_counts = 0, offset_sigma_error = 0;
-  double column_gumbel_counts = 0, column_gumbel_error = 0;
-  double row_offset_sigma_counts = 0, row_offset_sigma_error = 0;
+  Spread read_noise_log_sigma, offset_sigma_counts, column_gumbel_counts, row_offset_sigma_counts;
 };
 QcmosDarkFit fit_qcmos_darks(const StackSums& darks);
 

@@ -66,6 +66,25 @@ Uncertain proportion(std::string name, double error, double calibrated, double S
   return one;
 }
 
+/// How much the pixels of a qCMOS differ, in the coordinate in which it is measured about equally well
+/// everywhere, zero included: its square. `usual`: the least width, as a part of the spread.
+Uncertain spread_of(std::string name, double usual, double QcmosDescription::*spread,
+                    const Calibration& calibration, Spread QcmosDarkFit::*measured) {
+  const double at = std::pow(std::get<QcmosDescription>(calibration.lab.sensor).*spread, 2);
+  constexpr double none = 1e-9;  // no dark frames, no spread
+  Uncertain one = shift(
+      std::move(name),
+      std::max({2 * usual * at, 1.5 * (calibration.dark_maps.*measured).error_of_square, none}),
+      [spread](Lab& l, double by) {
+        double& value = std::get<QcmosDescription>(l.sensor).*spread;
+        value = std::sqrt(std::max(0.0, value * value + by));
+      },
+      [measured](const Calibration& c) { return (c.dark_maps.*measured).square; });
+  one.value = [at](double c) { return std::sqrt(std::max(0.0, at + c)); };
+  one.least = -at;
+  return one;
+}
+
 }  // namespace
 
 bool Uncertain::is_of(const std::vector<std::string>& effects) const {
@@ -141,22 +160,14 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration) {
         "stray_light", 0.03, [](Lab& l, double factor) { l.stray_light_photons_per_s *= factor; },
         [](const Calibration& c) { return c.model.background_e; }));
   if (!emccd) {
-    open.push_back(relative(
-        "pixel_offsets", width_of(0.02, maps.offset_sigma_counts, maps.offset_sigma_error),
-        [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).offset_sigma_counts *= factor; },
-        [](const Calibration& c) { return c.dark_maps.offset_sigma_counts; }));
-    open.push_back(relative(
-        "column_offsets", width_of(0.15, maps.column_gumbel_counts, maps.column_gumbel_error),
-        [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).column_gumbel_counts *= factor; },
-        [](const Calibration& c) { return c.dark_maps.column_gumbel_counts; }));
-    open.push_back(relative(
-        "row_offsets", width_of(0.15, maps.row_offset_sigma_counts, maps.row_offset_sigma_error),
-        [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).row_offset_sigma_counts *= factor; },
-        [](const Calibration& c) { return c.dark_maps.row_offset_sigma_counts; }));
-    open.push_back(relative(
-        "read_noise_spread", width_of(0.08, maps.read_noise_log_sigma, maps.read_noise_log_sigma_error),
-        [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).read_noise_log_sigma *= factor; },
-        [](const Calibration& c) { return c.dark_maps.read_noise_log_sigma; }));
+    open.push_back(spread_of("pixel_offsets", 0.02, &QcmosDescription::offset_sigma_counts, calibration,
+                             &QcmosDarkFit::offset_sigma_counts));
+    open.push_back(spread_of("column_offsets", 0.15, &QcmosDescription::column_gumbel_counts, calibration,
+                             &QcmosDarkFit::column_gumbel_counts));
+    open.push_back(spread_of("row_offsets", 0.15, &QcmosDescription::row_offset_sigma_counts, calibration,
+                             &QcmosDarkFit::row_offset_sigma_counts));
+    open.push_back(spread_of("read_noise_spread", 0.08, &QcmosDescription::read_noise_log_sigma, calibration,
+                             &QcmosDarkFit::read_noise_log_sigma));
   }
   if (!calibration.has_sites) return open;
   open.push_back(relative(

@@ -489,6 +489,15 @@ std::vector<Case> cases() {
          e[static_cast<std::size_t>(static_cast<int>(site.y_px) * size + static_cast<int>(site.x_px))] *= 0.3;
        }),
        {"light.point_spread.pixels.loneliest"}});
+  list.push_back({"charge that comes and goes with the frames",
+                  true,
+                  true,
+                  in_counts([](std::size_t n, int r, int c) {
+                    const bool there = noise_of((n * 64 + static_cast<std::uint64_t>(r)) * 64 +
+                                                static_cast<std::uint64_t>(c)) > 2 - std::sin(n / 9.0);
+                    return there ? 15.0 : 0.0;
+                  }),
+                  {"light.frames.noise_against_level", "dark.frames.noise_against_level"}});
   return list;
 }
 

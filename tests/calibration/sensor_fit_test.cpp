@@ -26,7 +26,8 @@ TEST(SensorFit, ReadNoiseOfAQcmosFromFewDarkFrames) {
   sensor.read_noise_log_sigma = 0.05;
   sensor.offset_sigma_counts = 0.7;
   const ReadoutMode& mode = sensor.readout_modes.front();
-  double noise_pulls = 0, spread_pulls = 0;
+  double noise_pulls = 0, spread_pulls = 0, square_pull = 0;
+  int below_zero = 0;
   for (int n = 0; n < sensors; ++n) {
     lab.seed = 500 + static_cast<std::uint64_t>(n);
     lab.serial = std::to_string(n);
@@ -35,11 +36,15 @@ TEST(SensorFit, ReadNoiseOfAQcmosFromFewDarkFrames) {
     const auto square = [](double v) { return v * v; };
     noise_pulls +=
         square((fit.read_noise_counts - mode.read_noise_e / mode.electrons_per_count) / fit.read_noise_error);
-    spread_pulls +=
-        square((fit.read_noise_log_sigma - sensor.read_noise_log_sigma) / fit.read_noise_log_sigma_error);
+    const Spread& spread = fit.read_noise_log_sigma;
+    spread_pulls += square((spread.value() - sensor.read_noise_log_sigma) / spread.error());
+    square_pull += (spread.square - square(sensor.read_noise_log_sigma)) / spread.error_of_square / sensors;
+    below_zero += spread.square < 0;
   }
   EXPECT_NEAR(std::sqrt(noise_pulls / sensors), 1.1, 0.25);
   EXPECT_NEAR(std::sqrt(spread_pulls / sensors), 1.2, 0.25);
+  EXPECT_NEAR(square_pull, 0, 0.6);
+  EXPECT_GT(below_zero, 3);  // as chance will have it
 }
 
 // A pixel that two rays hit hides them behind its own variance; a site that is filled now and then stays.

@@ -21,15 +21,40 @@ TEST(Uncertain, FewDarkFramesLeaveAQcmosNoiseMoreOpen) {
   Calibration calibration;
   calibration.lab = preset("orca-quest");
   calibration.dark_maps.read_noise_counts = 4;
-  calibration.dark_maps.read_noise_log_sigma = 0.3;
+  calibration.dark_maps.read_noise_log_sigma.square = 0.3 * 0.3;
   calibration.dark_maps.read_noise_error = 0.004;  // hundreds of frames
   const auto many = calibration_uncertainty(calibration);
   calibration.dark_maps.read_noise_error = 0.08;
-  calibration.dark_maps.read_noise_log_sigma_error = 0.1;
+  calibration.dark_maps.read_noise_log_sigma.error_of_square = 2 * 0.3 * 0.1;
   const auto few = calibration_uncertainty(calibration);
   EXPECT_DOUBLE_EQ(width_of(many, "read_noise"), 0.006);
   EXPECT_DOUBLE_EQ(width_of(few, "read_noise"), 1.5 * 0.08 / 4);
   EXPECT_GT(width_of(few, "read_noise_spread"), 2 * width_of(many, "read_noise_spread"));
+}
+
+// Chance leaves nothing of a small spread now and then; taken for none at all, it made a gap of every such
+// stack.
+TEST(Uncertain, ASpreadThatWasEstimatedAsNoneIsAsOpenAsAnyOther) {
+  Calibration calibration;
+  calibration.lab = preset("orca-quest");
+  calibration.dark_maps.read_noise_counts = 4;
+  std::get<QcmosDescription>(calibration.lab.sensor).read_noise_log_sigma = 0;
+  calibration.dark_maps.read_noise_log_sigma = {-0.001, 0.002};
+  const auto open = calibration_uncertainty(calibration);
+  const auto spread = std::find_if(open.begin(), open.end(),
+                                   [](const Uncertain& one) { return one.name == "read_noise_spread"; });
+  ASSERT_NE(spread, open.end());
+  const auto applied = [&](double coordinate) {
+    Lab lab = calibration.lab;
+    spread->apply(lab, coordinate);
+    return std::get<QcmosDescription>(lab.sensor).read_noise_log_sigma;
+  };
+  EXPECT_NEAR(applied(spread->width), std::sqrt(1.5 * 0.002), 1e-9);
+  EXPECT_EQ(applied(-spread->width), 0);
+  EXPECT_NEAR(spread->value(spread->width), std::sqrt(1.5 * 0.002), 1e-9);
+  Calibration other = calibration;
+  other.dark_maps.read_noise_log_sigma.square = 0.003;
+  EXPECT_NEAR(spread->offset(calibration, other), -0.004, 1e-12);
 }
 
 TEST(Uncertain, ARegistersStagesAreOpenWhereItMultipliesLight) {

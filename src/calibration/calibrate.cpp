@@ -152,7 +152,7 @@ class Calibrator {
   /// Where something else bends the law of the dark counts beyond belief, the gain is left to the notes and
   /// to the light.
   CountFit fit_dark_law(const CountHistogram& histogram, const CountLaw& start, CountFitOptions options) {
-    constexpr double believed = 3, noted_error = 0.3;
+    constexpr double believed = 2, noted_error = 0.3;
     CountFit fit = fit_counts({histogram}, true, start, options);
     const double factor = fit.law.em_gain / start.em_gain;
     if (!options.gain || (factor > 1 / believed && factor < believed)) return fit;

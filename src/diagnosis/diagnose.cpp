@@ -17,10 +17,6 @@
 namespace atomcam {
 namespace {
 
-// Of the gap on held-out frames, for an effect to be named; and under which the frames are so odd that only
-// a large gap that it takes away lets it pass.
-constexpr double least_closed = 0.75;
-
 /// All counts of a stack.
 std::string digest_of(const FrameSequence& frames) {
   Sha256 hash;

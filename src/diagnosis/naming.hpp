@@ -11,6 +11,9 @@
 
 namespace atomcam {
 
+/// Of the gap, for an effect to be named that the frames are not odd under: on all frames, and on held-out
+/// ones at the best of its interval.
+inline constexpr double least_closed = 0.85;
 /// Of the gap on held-out frames, for an effect to be named under which the frames are odd.
 inline constexpr double least_closed_if_odd = 0.9;
 /// On all frames as well, where these are too odd for an explanation: the effect is then named in part.

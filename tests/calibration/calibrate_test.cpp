@@ -221,6 +221,20 @@ TEST(Calibrate, LawsBeyondBeliefLeaveTheGainToTheLight) {
   EXPECT_LT(with_undershoot, 2.5);
 }
 
+// Second peaks of some pixels look like the tail of a gain that is a fraction of the noted one, where dark
+// electrons are few.
+TEST(Calibrate, SecondPeaksAreNoTailOfElectrons) {
+  const Notes notes = rough_notes(true);
+  Lab truth = true_lab(notes);
+  std::get<EmccdDescription>(truth.sensor).clock_induced_charge_e = 0.002;
+  truth.effects["dual_adc_peaks"] = {0.03, 0.45 * counts_per_electron(truth), 0, 1};
+  const FramesInMemory light(render(truth, 0, 250, true)), darks(render(truth, 1000000, 100, false));
+  const Calibration found = calibrate(input_of(notes, light, &darks));
+  ASSERT_FALSE(found.warnings.empty());
+  EXPECT_NE(found.warnings[0].find("not taken for the gain"), std::string::npos) << found.warnings[0];
+  EXPECT_NEAR(found.model.counts_per_electron / counts_per_electron(truth), 1, 0.1);
+}
+
 // Lines that settle over many counts stand still: what they are apart is no read noise, nor the slope of
 // their settling a tail of electrons.
 TEST(Calibrate, LinesThatSettleAreNoReadNoise) {

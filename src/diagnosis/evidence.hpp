@@ -55,10 +55,9 @@ class Correlation {
 /// `own`: deviations of the model's own stacks, a row each.
 std::vector<Correlation> correlations_without_each_fold(const Eigen::MatrixXd& own);
 
-/// p-value below which there is a gap. Of stacks without one, one in 200 may be called so; fewer are, as a
-/// null of some hundred stacks does not know its own tail, and the exponential law that it is given is
-/// longer.
-inline constexpr double gap_level = 0.008;
+/// p-value below which there is a gap. Of stacks without one, one in 200 may be called so; a null of some
+/// hundred stacks does not know its own tail to better than this margin.
+inline constexpr double gap_level = 0.004;
 
 /// Does a stack differ from the model? Three views, each with its null from the model's own stacks: the
 /// largest |z|, and the largest and the gap of the steady statistics alone, of which less is by chance; one

@@ -8,9 +8,9 @@
 namespace atomcam::analysis {
 namespace {
 
-/// Inverse hyperbolic tangent of the correlation of two series over the frames of a part.
-double correlation(const std::vector<double>& a, const std::vector<double>& b, const Record& record,
-                   Part which) {
+/// Fisher's z of two series over the frames of a part: the inverse hyperbolic tangent of their correlation.
+double fisher_z(const std::vector<double>& a, const std::vector<double>& b, const Record& record,
+                Part which) {
   const double count = static_cast<double>(record.count(which));
   double mean_a = 0, mean_b = 0, cross = 0, square_a = 0, square_b = 0;
   for (std::size_t n = 0; n < record.frames; ++n)
@@ -63,14 +63,14 @@ class FrameSeries : public Family {
     for (std::size_t n = 0; n < record.frames; ++n)
       own_noise[n] = record.noise[n] - record.level[n] * record.level[n];
     sheet.kind({"frame_means", "intensity", "whole frame"});
-    sheet.put("noise_against_level", correlation(own_noise, record.level, record, which));
+    sheet.put("noise_against_level", fisher_z(own_noise, record.level, record, which));
     if (layout_.packed.empty()) return;
     // Background that follows the atoms' light: halo, droop of the baseline.
     std::vector<double> all(record.frames);
     for (std::size_t n = 0; n < record.frames; ++n)
       for (std::size_t s = 0; s < record.sites(); ++s) all[n] += record.bright(n, s);
     sheet.kind({"point_spread_halo", "intensity", "dark pixels"});
-    sheet.put("level_against_light", correlation(all, record.level, record, which));
+    sheet.put("level_against_light", fisher_z(all, record.level, record, which));
   }
 
  private:

@@ -189,6 +189,9 @@ class Defects {
       const auto r = static_cast<std::size_t>(row);
       return std::span(defects_).subspan(begin_[r], begin_[r + 1] - begin_[r]);
     }
+    std::span<const Defect> all() const { return defects_; }
+    /// Of all, of one of these.
+    std::size_t number(const Defect& one) const { return static_cast<std::size_t>(&one - defects_.data()); }
 
    private:
     friend class Defects;

@@ -7,6 +7,7 @@
 
 #include "base/math.hpp"
 #include "base/samplers.hpp"
+#include "sensor/row_loops.hpp"
 #include "simulation/parallel.hpp"
 
 namespace atomcam {
@@ -106,16 +107,16 @@ class EmitterLanding {
     thread_local Photons photons;
     for (std::int64_t first = 0; first < count; first += static_cast<std::int64_t>(batch)) {
       photons.resize(std::min<std::size_t>(batch, static_cast<std::size_t>(count - first)));
-      if (count <= static_cast<std::int64_t>(batch))
-        fill_random(keys.landing, landing_.frame, block, photons.words);
-      else
-        for (std::uint32_t& word : photons.words) word = landing_stream();
+      fill(photons.words, count, keys.landing, block, landing_stream);
       point_spread.draw(photons.words, photons.displacements);
       for (std::size_t i = 0; i < photons.size(); ++i) {
         photons.x[i] = centre_x + static_cast<double>(photons.displacements[i].dx_px);
         photons.y[i] = centre_y + static_cast<double>(photons.displacements[i].dy_px);
       }
-      if (!blur.none()) spread(photons, blur, blur_stream);
+      if (!blur.none()) {
+        fill(photons.blur_words, count, keys.blur, block, blur_stream);
+        spread(photons, blur);
+      }
       if (light_.halo_fraction > 0) scatter(photons, halo_stream);
       find_pixels(photons);
       if (!landing_.window.global()) close_rows(photons, emitter, time_stream);
@@ -131,13 +132,16 @@ class EmitterLanding {
   }
 
   struct Photons {
-    std::vector<std::uint32_t> words;  // two each
+    std::vector<std::uint32_t> words, blur_words;  // two each
     std::vector<PointSpreadFunction::Displacement> displacements;
-    std::vector<double> x, y;  // sensor pixels
+    std::vector<float> normal;  // two each
+    std::vector<double> x, y;   // sensor pixels
     std::vector<std::uint32_t> keys;
     std::size_t size() const { return keys.size(); }
     void resize(std::size_t count) {
       words.resize(2 * count);
+      blur_words.resize(2 * count);
+      normal.resize(2 * count);
       displacements.resize(count);
       x.resize(count);
       y.resize(count);
@@ -145,9 +149,20 @@ class EmitterLanding {
     }
   };
 
-  static void spread(Photons& photons, const BlurAxes& blur, RandomStream& random) {
+  /// The next words of a stream that so many photons draw from: in one go if they are all of them.
+  void fill(std::span<std::uint32_t> words, std::int64_t photons, PhiloxKey key, std::uint32_t block,
+            RandomStream& stream) const {
+    if (photons <= static_cast<std::int64_t>(batch))
+      fill_random(key, landing_.frame, block, words);
+    else
+      for (std::uint32_t& word : words) word = stream();
+  }
+
+  static void spread(Photons& photons, const BlurAxes& blur) {
+    row_loops::normal_row(photons.blur_words, photons.normal);
     for (std::size_t i = 0; i < photons.size(); ++i) {
-      const double u = blur.major_px * sample_normal(random), v = blur.minor_px * sample_normal(random);
+      const double u = blur.major_px * static_cast<double>(photons.normal[2 * i]),
+                   v = blur.minor_px * static_cast<double>(photons.normal[2 * i + 1]);
       photons.x[i] += blur.cosine * u - blur.sine * v;
       photons.y[i] += blur.sine * u + blur.cosine * v;
     }
@@ -155,9 +170,8 @@ class EmitterLanding {
 
   void scatter(Photons& photons, RandomStream& random) const {
     for (std::size_t i = 0; i < photons.size(); ++i) {
-      const double share = random.uniform(), angle = random.uniform();
-      const double radius = light_.halo_scale_px * sample_exponential(random);
-      if (share >= light_.halo_fraction) continue;
+      if (random.uniform() >= light_.halo_fraction) continue;
+      const double angle = random.uniform(), radius = light_.halo_scale_px * sample_exponential(random);
       photons.x[i] += radius * math::cos_turns(angle);
       photons.y[i] += radius * math::sin_turns(angle);
     }

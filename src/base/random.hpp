@@ -43,6 +43,11 @@ constexpr PhiloxCounter philox4x32(PhiloxCounter counter, PhiloxKey key) {
 /// nothing.
 PhiloxKey stream_key(std::uint64_t seed, std::uint64_t stream);
 
+/// Uniform in the open interval (0, 1), 2^-32 apart: never 0, never 1.
+constexpr double uniform(std::uint32_t word) {
+  return (static_cast<double>(word) + 0.5) * 0x1p-32;
+}
+
 /// A sequence of 32-bit words at (key; frame, block): counter = {word / 4, block, frame low, frame high}.
 class RandomStream {
  public:
@@ -65,8 +70,8 @@ class RandomStream {
     const std::uint64_t high = (*this)();
     return high << 32 | (*this)();
   }
-  /// Uniform in the open interval (0, 1), 2^-32 apart: never 0, never 1.
-  double uniform() { return (static_cast<double>((*this)()) + 0.5) * 0x1p-32; }
+  /// Of one word.
+  double uniform() { return atomcam::uniform((*this)()); }
   /// Uniform in the open interval (0, 1), 2^-52 apart: with one bit more, the largest value would round to 1.
   double uniform53() { return (static_cast<double>(next64() >> 12) + 0.5) * 0x1p-52; }
 

@@ -71,12 +71,13 @@ class EmitterLanding {
 
  private:
   struct Keys {
-    PhiloxKey electrons, landing, blur, halo, time, response, row;
+    PhiloxKey electrons, landing, blur, halo, scattered, time, response, row;
     Keys(std::uint64_t seed, const std::string& where)
         : electrons(stream_key(seed, stream_id(where + "electrons"))),
           landing(stream_key(seed, stream_id(where + "landing"))),
           blur(stream_key(seed, stream_id(where + "blur"))),
           halo(stream_key(seed, stream_id(where + "halo"))),
+          scattered(stream_key(seed, stream_id(where + "scattered"))),
           time(stream_key(seed, stream_id(where + "time"))),
           response(stream_key(seed, stream_id(where + "response"))),
           row(stream_key(seed, stream_id(where + "row"))) {}
@@ -101,6 +102,7 @@ class EmitterLanding {
     RandomStream landing_stream(keys.landing, landing_.frame, block);
     RandomStream blur_stream(keys.blur, landing_.frame, block);
     RandomStream halo_stream(keys.halo, landing_.frame, block);
+    RandomStream scattered_stream(keys.scattered, landing_.frame, block);
     RandomStream time_stream(keys.time, landing_.frame, block);
     RandomStream response_stream(keys.response, landing_.frame, block);
 
@@ -114,13 +116,23 @@ class EmitterLanding {
         photons.y[i] = centre_y + static_cast<double>(photons.displacements[i].dy_px);
       }
       if (!blur.none()) {
-        fill(photons.blur_words, count, keys.blur, block, blur_stream);
+        fill(photons.words, count, keys.blur, block, blur_stream);
         spread(photons, blur);
       }
-      if (light_.halo_fraction > 0) scatter(photons, halo_stream);
+      const std::span<std::uint32_t> one_each(photons.words.data(), photons.size());
+      if (light_.halo_fraction > 0) {
+        fill(one_each, count, keys.halo, block, halo_stream);
+        scatter(photons, scattered_stream);
+      }
       find_pixels(photons);
-      if (!landing_.window.global()) close_rows(photons, emitter, time_stream);
-      if (light_.response_ratio) thin(photons, response_stream);
+      if (!landing_.window.global()) {
+        fill(one_each, count, keys.time, block, time_stream);
+        close_rows(photons, emitter);
+      }
+      if (light_.response_ratio) {
+        fill(one_each, count, keys.response, block, response_stream);
+        thin(photons);
+      }
       std::size_t kept = landed.size();
       landed.resize(kept + photons.size());
       for (const std::uint32_t key : photons.keys) {
@@ -132,7 +144,7 @@ class EmitterLanding {
   }
 
   struct Photons {
-    std::vector<std::uint32_t> words, blur_words;  // two each
+    std::vector<std::uint32_t> words;  // two each, one where one is enough
     std::vector<PointSpreadFunction::Displacement> displacements;
     std::vector<float> normal;  // two each
     std::vector<double> x, y;   // sensor pixels
@@ -140,7 +152,6 @@ class EmitterLanding {
     std::size_t size() const { return keys.size(); }
     void resize(std::size_t count) {
       words.resize(2 * count);
-      blur_words.resize(2 * count);
       normal.resize(2 * count);
       displacements.resize(count);
       x.resize(count);
@@ -159,7 +170,7 @@ class EmitterLanding {
   }
 
   static void spread(Photons& photons, const BlurAxes& blur) {
-    row_loops::normal_row(photons.blur_words, photons.normal);
+    row_loops::normal_row(photons.words, photons.normal);
     for (std::size_t i = 0; i < photons.size(); ++i) {
       const double u = blur.major_px * static_cast<double>(photons.normal[2 * i]),
                    v = blur.minor_px * static_cast<double>(photons.normal[2 * i + 1]);
@@ -170,7 +181,7 @@ class EmitterLanding {
 
   void scatter(Photons& photons, RandomStream& random) const {
     for (std::size_t i = 0; i < photons.size(); ++i) {
-      if (random.uniform() >= light_.halo_fraction) continue;
+      if (uniform(photons.words[i]) >= light_.halo_fraction) continue;
       const double angle = random.uniform(), radius = light_.halo_scale_px * sample_exponential(random);
       photons.x[i] += radius * math::cos_turns(angle);
       photons.y[i] += radius * math::sin_turns(angle);
@@ -197,19 +208,21 @@ class EmitterLanding {
 
   /// A rolling shutter: a photon counts if its row is open when it arrives. (A sensor with one is not binned
   /// here.)
-  void close_rows(Photons& photons, const Emitter& emitter, RandomStream& random) const {
+  void close_rows(Photons& photons, const Emitter& emitter) const {
     const double begin_s = landing_.window.light_begin_s + emitter.start_s;
-    for (std::uint32_t& key : photons.keys) {
-      const double time_s = begin_s + random.uniform() * (emitter.end_s - emitter.start_s);
+    for (std::size_t i = 0; i < photons.size(); ++i) {
+      std::uint32_t& key = photons.keys[i];
+      const double time_s = begin_s + uniform(photons.words[i]) * (emitter.end_s - emitter.start_s);
       const double opens_s = landing_.window.row_begin_s(static_cast<int>(key >> 16));
       if (time_s < opens_s || time_s >= opens_s + landing_.window.exposure_s) key = outside;
     }
   }
 
   /// More photons were drawn than the most sensitive pixel sees; the others see fewer.
-  void thin(Photons& photons, RandomStream& random) const {
-    for (std::uint32_t& key : photons.keys) {
-      const double level = random.uniform() * static_cast<double>(largest_response_);
+  void thin(Photons& photons) const {
+    for (std::size_t i = 0; i < photons.size(); ++i) {
+      std::uint32_t& key = photons.keys[i];
+      const double level = uniform(photons.words[i]) * static_cast<double>(largest_response_);
       if (key != outside && level >= static_cast<double>((*light_.response_ratio)(
                                          static_cast<int>(key >> 16), static_cast<int>(key & 0xffff))))
         key = outside;

@@ -185,19 +185,9 @@ class Diagnoser {
     how_far();
   }
 
-  /// At the best of what held-out frames may mean; as they are, where all frames are a little odd as well.
-  bool closes_too_little() const {
-    const GapClosed& gap = result_.gap;
-    if (!final_.explains.empty()) return gap.part_closed_high < least_part_closed;
-    if (final_.p_value < reject_level) return gap.closed < least_closed_if_rejected;
-    // Half of the frames: half of the gap.
-    return odd_under(final_) ? gap.closed < least_closed_if_odd - 2 * chance_of(final_, plain_)
-                             : gap.closed_high < least_closed;
-  }
-
   void conclude() {
     how_far();
-    if (have_final_ && closes_too_little()) withdraw();
+    if (have_final_ && closes_too_little(result_.gap, final_, plain_)) withdraw();
     tell_apart();
     if (!options_.where_only) ask_others();
     result_.where = ranked_differences(declarations_, plain_.z, plain_.standard->tolerated(plain_.z),

@@ -35,6 +35,13 @@ std::string most_missed(const Model& model, const std::vector<StatisticDeclarati
       ->first;
 }
 
+/// Far more than its own stacks have, and not just the last digits of a law: no effect of the catalogue is
+/// right to all of them. Stacks that scatter widely are not odd with it, but somebody else made it.
+bool leaves_much(const GapClosed& held_out) {
+  constexpr double far_more = 2, last_digits = 0.05;  // of the floor; of the gap
+  return held_out.after > far_more * held_out.floor && held_out.closed < 1 - last_digits;
+}
+
 /// In which these effects show.
 std::vector<std::string> observables_of(const std::vector<std::string>& effects) {
   std::vector<std::string> list;
@@ -66,6 +73,15 @@ double chance_of(const Model& model, const Model& plain) {
   const Floor floor(model.standard->own());
   const double usual = floor.at(0.5), granted = floor.at(1 - reject_level) - usual;
   return std::min(1.0, granted / std::max(plain.gap - usual, granted));
+}
+
+bool closes_too_little(const GapClosed& held_out, const Model& found, const Model& plain) {
+  if (!found.explains.empty()) return held_out.part_closed_high < least_part_closed;
+  if (found.p_value < reject_level) return held_out.closed < least_closed_if_rejected;
+  if (leaves_much(held_out)) return true;
+  // Half of the frames: half of the gap.
+  return odd_under(found) ? held_out.closed < least_closed_if_odd - 2 * chance_of(found, plain)
+                          : held_out.closed_high < least_closed;
 }
 
 std::vector<FoundEffect> found_effects(const Named& named) {

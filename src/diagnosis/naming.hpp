@@ -41,6 +41,10 @@ struct Named {
 /// another place that is as likely.
 double chance_of(const Model& model, const Model& plain);
 
+/// Whether what a model closes on held-out frames speaks against naming it. At the best of what they may
+/// mean; as they are, where all frames are a little odd as well.
+bool closes_too_little(const GapClosed& held_out, const Model& found, const Model& plain);
+
 /// Its effects with their parameters at the estimates.
 std::vector<FoundEffect> found_effects(const Named& named);
 

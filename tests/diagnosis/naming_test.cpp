@@ -93,6 +93,21 @@ TEST_F(Naming, AnExplanationTakesTheGapAwayAndTheFramesAreNotOddUnderIt) {
   EXPECT_FALSE(passes({"row_noise"}, 1, 0.008));
 }
 
+TEST_F(Naming, OfALargeGapHardlyMoreMayBeLeftOnHeldOutFramesThanOwnStacksHave) {
+  const Model found = model({"blinking"}, 0.9, 0.5), plain = model({}, 0, 0);
+  const auto too_little = [&](double before, double after) {
+    GapClosed held_out;
+    held_out.before = before, held_out.after = after, held_out.floor = 6;
+    held_out.closed = held_out.closed_high = 1 - (after - 6) / (before - 6);
+    return closes_too_little(held_out, found, plain);
+  };
+  EXPECT_FALSE(too_little(20, 8));      // 86 %
+  EXPECT_TRUE(too_little(20, 8.5));     // 82 %
+  EXPECT_TRUE(too_little(225, 21));     // 93 %, with three times what stacks have
+  EXPECT_FALSE(too_little(225, 11));    // 98 %
+  EXPECT_FALSE(too_little(17000, 27));  // 99.9 %
+}
+
 TEST_F(Naming, MoreIsAskedOfTwoAndOfOneThatTheFramesAreOddUnder) {
   EXPECT_FALSE(passes({"row_noise", "cti_tail"}, 0.92, 0.5));
   EXPECT_TRUE(passes({"row_noise", "cti_tail"}, 0.98, 0.5));

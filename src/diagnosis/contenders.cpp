@@ -35,7 +35,7 @@ constexpr double closes_less = 0.05;  // of the gap: what scatters widely is not
 
 /// Distance from which on a model is hopelessly behind the nearest.
 double behind(double nearest) {
-  return std::max(1.0, 1.4 * nearest);
+  return std::max(like_own, 1.4 * nearest);
 }
 
 class Race {
@@ -71,7 +71,10 @@ class Race {
     // Where the simpler one is near already, the distance hardly tells: most statistics know of neither.
     const double least = alone < like_own ? alone : worthwhile * alone;
     std::erase_if(contenders_, [&](const Contender& one) { return !(one.model.distance < least); });
-    if (contenders_.size() > most_followed) contenders_.resize(most_followed);
+    // Nor of those that are as near as own stacks, which is the best.
+    std::size_t followed = most_followed;
+    while (followed < contenders_.size() && contenders_[followed].model.distance < like_own) ++followed;
+    if (contenders_.size() > followed) contenders_.resize(followed);
   }
 
   void follow_up() {

@@ -167,8 +167,10 @@ std::string Naming::objection(const Model& model) const {
   const double least =
       std::max(least_to_pass, (alone ? least_closed : least_closed_else) - chance_of(model, plain_));
   double closed = closed_by(model);
-  // What comes out differently every time hides a part of the gap.
-  if (closed <= least && !odd_here && much_likelier(model, plain_))
+  // What comes out differently every time hides a part of the gap: where the frames are much likelier with it
+  // all the same, or differ from its stacks only as these do among themselves.
+  if (closed <= least && !odd_here &&
+      (much_likelier(model, plain_) || differs_as_own_stacks(model, plain_, battery_)))
     closed = std::max(closed, closed_in_own_units(model, plain_, battery_));
   if (closed > least) return "";
   return fmt::format("closes {:.0f} % of the gap", std::floor(100 * closed));

@@ -44,6 +44,21 @@ class Naming : public testing::Test {
   atomcam::Naming naming() const { return {plain_, real_, battery_}; }
   /// The model's own stacks have far off what the frames have.
   void move_stacks_of(Model& model) { model.population.whole.leftCols(moved).array() += gap; }
+  /// A model that comes out differently in every stack: what the frames have far off is more or less far off
+  /// in its stacks, too, half of it times `second`. Hardly likelier than the plain one.
+  Model wide_model(double second) {
+    Model wide = model({"row_noise"}, 0, 0.5);
+    for (Eigen::Index n = 0; n < stacks; ++n) {
+      const double by = gap * std::fabs(normal_(random_));
+      wide.population.whole.row(n).head(moved / 2).array() += by;
+      wide.population.whole.row(n).segment(moved / 2, moved / 2).array() += second * by;
+    }
+    wide.standard = std::make_unique<Standard>(wide.population, Part::whole);
+    wide.z = wide.standard->judge(as_vector(real_.whole));
+    wide.gap = gap_of(wide.z);
+    wide.log_likelihood = 6;
+    return wide;
+  }
   /// What the frames have far off is an observable.
   atomcam::Naming naming_by_observable() const { return {plain_, real_, two_observables_}; }
 
@@ -158,6 +173,12 @@ TEST_F(Naming, FramesOnTheWayToTheModelsStacksAreLikelierWithIt) {
   EXPECT_EQ(naming().objection(found), "the frames are no likelier with it");
   move_stacks_of(found);
   EXPECT_TRUE(naming().passes(found)) << naming().objection(found);
+}
+
+TEST_F(Naming, WhatComesOutDifferentlyInEveryStackClosesWhatLiesAmongThem) {
+  const Model among = wide_model(1), elsewhere = wide_model(-1);
+  EXPECT_TRUE(naming().passes(among)) << naming().objection(among);
+  EXPECT_FALSE(naming().passes(elsewhere));
 }
 
 TEST_F(Naming, HowMuchLikelierAnEffectMustBeIsPartOfWhatThePlainModelMisses) {

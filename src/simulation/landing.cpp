@@ -37,6 +37,31 @@ struct BlurAxes {
 
 constexpr std::uint32_t outside = 0xffffffff;  // key of a photon that is not seen
 
+/// One stream's words for the photons of an emitter, batch after batch; in one go if one batch is all.
+class PhotonWords {
+ public:
+  PhotonWords(PhiloxKey key, std::uint64_t frame, std::uint32_t emitter, std::int64_t photons)
+      : key_(key),
+        frame_(frame),
+        emitter_(emitter),
+        one_batch_(photons <= static_cast<std::int64_t>(batch)),
+        stream_(key, frame, emitter) {}
+
+  void fill(std::span<std::uint32_t> words) {
+    if (one_batch_)
+      fill_random(key_, frame_, emitter_, words);
+    else
+      for (std::uint32_t& word : words) word = stream_();
+  }
+
+ private:
+  PhiloxKey key_;
+  std::uint64_t frame_;
+  std::uint32_t emitter_;
+  bool one_batch_;
+  RandomStream stream_;
+};
+
 /// Draws where the electrons of one emitter land, as keys row << 16 | column of the filled plane. Photons go
 /// through the passes below in batches; a pass that the frame does not need is left out.
 class EmitterLanding {
@@ -99,38 +124,36 @@ class EmitterLanding {
         landing_.point_spread->at(emitter.defocus_um, light_.pupil_edge_loss);
     const double centre_x = emitter.x_px + light_.shift_x_px, centre_y = emitter.y_px + light_.shift_y_px;
     const BlurAxes blur(emitter, landing_.pixels_per_um);
-    RandomStream landing_stream(keys.landing, landing_.frame, block);
-    RandomStream blur_stream(keys.blur, landing_.frame, block);
-    RandomStream halo_stream(keys.halo, landing_.frame, block);
-    RandomStream scattered_stream(keys.scattered, landing_.frame, block);
-    RandomStream time_stream(keys.time, landing_.frame, block);
-    RandomStream response_stream(keys.response, landing_.frame, block);
+    const auto words_of = [&](PhiloxKey key) { return PhotonWords(key, landing_.frame, block, count); };
+    PhotonWords landing = words_of(keys.landing), blurred = words_of(keys.blur), halo = words_of(keys.halo),
+                time = words_of(keys.time), response = words_of(keys.response);
+    RandomStream scattered(keys.scattered, landing_.frame, block);
 
     thread_local Photons photons;
     for (std::int64_t first = 0; first < count; first += static_cast<std::int64_t>(batch)) {
       photons.resize(std::min<std::size_t>(batch, static_cast<std::size_t>(count - first)));
-      fill(photons.words, count, keys.landing, block, landing_stream);
+      landing.fill(photons.words);
       point_spread.draw(photons.words, photons.displacements);
       for (std::size_t i = 0; i < photons.size(); ++i) {
         photons.x[i] = centre_x + static_cast<double>(photons.displacements[i].dx_px);
         photons.y[i] = centre_y + static_cast<double>(photons.displacements[i].dy_px);
       }
       if (!blur.none()) {
-        fill(photons.words, count, keys.blur, block, blur_stream);
+        blurred.fill(photons.words);
         spread(photons, blur);
       }
       const std::span<std::uint32_t> one_each(photons.words.data(), photons.size());
       if (light_.halo_fraction > 0) {
-        fill(one_each, count, keys.halo, block, halo_stream);
-        scatter(photons, scattered_stream);
+        halo.fill(one_each);
+        scatter(photons, scattered);
       }
       find_pixels(photons);
       if (!landing_.window.global()) {
-        fill(one_each, count, keys.time, block, time_stream);
+        time.fill(one_each);
         close_rows(photons, emitter);
       }
       if (light_.response_ratio) {
-        fill(one_each, count, keys.response, block, response_stream);
+        response.fill(one_each);
         thin(photons);
       }
       std::size_t kept = landed.size();
@@ -159,15 +182,6 @@ class EmitterLanding {
       keys.resize(count);
     }
   };
-
-  /// The next words of a stream that so many photons draw from: in one go if they are all of them.
-  void fill(std::span<std::uint32_t> words, std::int64_t photons, PhiloxKey key, std::uint32_t block,
-            RandomStream& stream) const {
-    if (photons <= static_cast<std::int64_t>(batch))
-      fill_random(key, landing_.frame, block, words);
-    else
-      for (std::uint32_t& word : words) word = stream();
-  }
 
   static void spread(Photons& photons, const BlurAxes& blur) {
     row_loops::normal_row(photons.words, photons.normal);

@@ -10,6 +10,7 @@
 
 #include "diagnosis/gap_closed.hpp"
 #include "diagnosis/known_optics.hpp"
+#include "diagnosis/naming.hpp"
 #include "diagnosis/wider_estimate.hpp"
 
 namespace atomcam {
@@ -23,7 +24,8 @@ constexpr int first_rounds = 3, more_rounds = 8, most_followed = 3, judged_stack
 constexpr double too_far = 3, no_better = 1.5;
 
 constexpr double comfortable = 0.05;  // p-value: below it there may be a better place near by
-constexpr double hardly_odd = 0.001;  // likewise: what has not closed the gap may do so from there
+constexpr double hardly_odd = 0.001;  // likewise: what has not closed the gap may do so from there,
+constexpr double promising = 0.3;     // if it closes so much of it: what is not there closes next to nothing
 constexpr double worthwhile = 0.9;    // of the plain model's distance: farther away is not followed up
 constexpr double far_away = 1.4;      // nothing at this distance has ever closed two thirds of a gap
 constexpr double beyond_doubt = 30;   // of the logarithmic likelihood, behind the likeliest
@@ -40,13 +42,18 @@ double behind(double nearest) {
 
 class Race {
  public:
-  Race(std::vector<Contender>& contenders, const FitGround& ground, const StackPlan& plan,
-       const DiagnosisProgress& progress, Ends& ends)
-      : contenders_(contenders), ground_(ground), plan_(plan), progress_(progress), ends_(ends) {
+  Race(std::vector<Contender>& contenders, const FitGround& ground, const Before& before,
+       const StackPlan& plan, const DiagnosisProgress& progress, Ends& ends)
+      : contenders_(contenders),
+        ground_(ground),
+        before_(before),
+        plan_(plan),
+        progress_(progress),
+        ends_(ends) {
     if (!contenders_.empty()) plain_ = plain_distance(ground_, plan_, contenders_.front().model.explains);
   }
 
-  void first(double alone) {
+  void first() {
     const auto count = static_cast<double>(contenders_.size());
     for (std::size_t k = 0; k < contenders_.size(); ++k) {
       Contender& one = contenders_[k];
@@ -69,7 +76,7 @@ class Race {
       std::stable_sort(contenders_.begin(), contenders_.end(),
                        [](const Contender& a, const Contender& b) { return a.evidence > b.evidence; });
     // Where the simpler one is near already, the distance hardly tells: most statistics know of neither.
-    const double least = alone < like_own ? alone : worthwhile * alone;
+    const double least = before_.fewer < like_own ? before_.fewer : worthwhile * before_.fewer;
     std::erase_if(contenders_, [&](const Contender& one) { return !(one.model.distance < least); });
     // Nor of those that are as near as own stacks, which is the best.
     std::size_t followed = most_followed;
@@ -98,9 +105,11 @@ class Race {
     }
     if (plain_ >= like_own) sort();
     const double& nearest = contenders_.front().model.distance;
-    if (nearest > like_own && nearest < reachable) go_on(contenders_.front(), more_rounds, "fit 3/");
+    if (nearest > like_own && nearest < std::min(reachable, before_.as_many))
+      go_on(contenders_.front(), more_rounds, "fit 3/");
     // Where even the nearest is far away, it is judged to say by how much.
     let_go([&](const Model& model) { return nearest > far_away || model.distance > behind(nearest); });
+    if (nearest > behind(before_.as_many)) contenders_.clear();
   }
 
   /// The next start of the same effects, followed as well, where it is about as near; else null.
@@ -162,6 +171,7 @@ class Race {
 
   std::vector<Contender>& contenders_;
   const FitGround& ground_;
+  const Before before_;
   const StackPlan& plan_;
   const DiagnosisProgress& progress_;
   Ends& ends_;
@@ -261,9 +271,12 @@ Judged& best_of(std::vector<Judged>& looks) {
 struct Standing {
   double likeliest = -1e300;   // logarithmic likelihood of those that close the gap
   double explaining = -1e300;  // and of those that explain the frames
+  /// What is rejected must take nearly all of the gap away to be named.
   bool may_be_named(const Model& model, double closed) const {
-    return closed > least_to_pass &&
-           (model.p_value >= reject_level || model.log_likelihood > likeliest - beyond_doubt);
+    if (closed <= least_to_pass) return false;
+    if (model.p_value >= reject_level) return true;
+    return model.log_likelihood > likeliest - beyond_doubt &&
+           (in_part(model) || closed >= least_closed_if_rejected);
   }
 };
 
@@ -293,7 +306,7 @@ class Looks {
   bool near(const Judged& look) const {
     return look.model.p_value < comfortable &&
            look.model.log_likelihood > standing_.explaining - out_of_reach &&
-           (look.closed > least_to_pass || look.model.p_value > hardly_odd ||
+           (look.closed > least_to_pass || (look.closed > promising && look.model.p_value > hardly_odd) ||
             differs_as_own_stacks(look.model, *ground_.plain, battery_));
   }
 
@@ -307,7 +320,9 @@ class Looks {
       if (!in_part(next.model) && next.model.log_likelihood < looks_.back().model.log_likelihood &&
           next.model.p_value < looks_.back().model.p_value)
         break;
+      const bool no_nearer = stuck(next, looks_.back());
       looks_.push_back(std::move(next));
+      if (no_nearer) break;
     }
   }
 
@@ -332,6 +347,14 @@ class Looks {
   }
 
  private:
+  /// Rejected, and neither less odd than at the look before nor with less left of the gap.
+  static bool stuck(const Judged& look, const Judged& before) {
+    constexpr double less_odd = 2, less_left = 0.75;  // times as before
+    return !in_part(look.model) && look.model.p_value < reject_level &&
+           look.model.p_value < less_odd * before.model.p_value &&
+           1 - look.closed > less_left * (1 - before.closed);
+  }
+
   Judged judged(Model model, const std::string& number, bool calibrated) {
     if (!calibrated) recalibrate(model, ground_.real, plan_, numbers_of("calibration" + number));
     // A point-spread function per site leaves no time for many optical systems.
@@ -362,11 +385,11 @@ std::string title(const Model& model) {
 }
 
 std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, const FitGround& ground,
-                                         const std::vector<StatisticDeclaration>& battery, double alone,
-                                         const StackPlan& plan, const DiagnosisProgress& progress,
-                                         Ends& ends) {
-  Race race(contenders, ground, plan, progress, ends);
-  race.first(alone);
+                                         const std::vector<StatisticDeclaration>& battery,
+                                         const Before& before, const StackPlan& plan,
+                                         const DiagnosisProgress& progress, Ends& ends) {
+  Race race(contenders, ground, before, plan, progress, ends);
+  race.first();
   race.follow_up();
   std::vector<double> closed;
   Standing standing;

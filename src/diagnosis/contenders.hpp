@@ -26,14 +26,19 @@ struct Contender {
 /// Where the fits of each combination of effects came nearest: all open parameters.
 using Ends = std::map<std::vector<std::string>, std::vector<Uncertain>>;
 
+/// Distances of the nearest models that have been judged before.
+struct Before {
+  double fewer = 1e300;    // of a simpler one: what is not nearer is let go after the first rounds
+  double as_many = 1e300;  // with as many effects: what is far behind it is not judged
+};
+
 /// The effects of a model, as people read them.
 std::string title(const Model& model);
 
-/// The nearest of the contenders, judged; of each combination of effects the best start. What is not nearer
-/// than `alone`, where a simpler model is, is let go after the first rounds. Adds to `ends`.
+/// The nearest of the contenders, judged; of each combination of effects the best start. Adds to `ends`.
 std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, const FitGround& ground,
-                                         const std::vector<StatisticDeclaration>& battery, double alone,
-                                         const StackPlan& plan, const DiagnosisProgress& progress,
-                                         Ends& ends);
+                                         const std::vector<StatisticDeclaration>& battery,
+                                         const Before& before, const StackPlan& plan,
+                                         const DiagnosisProgress& progress, Ends& ends);
 
 }  // namespace atomcam

@@ -22,8 +22,8 @@ constexpr int uphill_rounds = 2;
 constexpr double lost = 3;  // times the best distance: no hill is that high
 
 // Far from the real stack, where a step leads on it leads far: rounds in a row that gain less than this part
-// are the end of the way.
-constexpr int plateau_rounds = 3;
+// are the end of the way. Near it they first come closer with smaller widths.
+constexpr int plateau_rounds = 3, near_plateau_rounds = 5;
 constexpr double plateau_gain = 0.03;
 // But a parameter that goes on the same way, by this part of its range in each of two rounds, is on its way.
 constexpr double stride = 0.02;
@@ -31,7 +31,7 @@ constexpr double stride = 0.02;
 /// Stacks of a round, for so many parameters. Far away a rough direction does: the next round has another.
 int stacks_of_round(int parameters, double distance) {
   constexpr double far = 2;
-  return distance > far ? 6 + 2 * parameters : 8 + 4 * parameters;
+  return distance > far ? 6 + 2 * parameters : 10 + 3 * parameters;
 }
 
 /// How the statistics follow the effects' parameters about the centre, from a few stacks: straight lines.
@@ -187,7 +187,8 @@ void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& pla
   double plateau = model.distance;
   std::vector<double> ways(model.open.size());  // of the last round, in parts of the ranges
   std::vector<int> still(model.open.size());    // rounds with steps that are small beside the widths
-  for (int round = 0; round < rounds && (on_plateau < plateau_rounds || plateau < near); ++round) {
+  for (int round = 0; round < rounds; ++round) {
+    if (on_plateau >= (plateau < near ? near_plateau_rounds : plateau_rounds)) break;
     const std::uint64_t number = first + static_cast<std::uint64_t>(round) * 10000;
     recalibrate(model, ground.real, plan, number + 5000);
     // Calibration's parameters stand still: what they do is known from the plain model.

@@ -34,6 +34,12 @@ bool leaves_much_less(const Model& model, const Model& fewer) {
   return model.gap - model.floor < 0.3 * (fewer.gap - fewer.floor);
 }
 
+double nearest_of(std::span<const Model> models) {
+  double nearest = 1e300;
+  for (const Model& model : models) nearest = std::min(nearest, model.distance);
+  return nearest;
+}
+
 void sort(std::vector<Scan>& scans) {
   std::sort(scans.begin(), scans.end(),
             [](const Scan& a, const Scan& b) { return a.best().log_likelihood > b.best().log_likelihood; });
@@ -132,7 +138,8 @@ std::vector<Contender> Search::starts() {
 std::optional<Found> Search::whole() {
   std::vector<Model> singles = fit_and_judge(starts(), 0.58, 0.75);
   if (const auto named = naming_.choose(singles)) return found(named);
-  for (Model& model : fit_and_judge(overlooked(), 0.75, 0.8)) singles.push_back(std::move(model));
+  for (Model& model : fit_and_judge(overlooked(), 0.75, 0.8, {.as_many = nearest_of(singles)}))
+    singles.push_back(std::move(model));
   if (const auto named = naming_.choose(singles)) return found(named);
   if (singles.empty()) return {};
   Pairs pairs = this->pairs(singles);
@@ -162,10 +169,8 @@ Search::Pairs Search::pairs(std::span<Model> singles) {
   for (std::size_t k = 0; k < std::min(most, matches.size()); ++k)
     // A second effect must speak for itself: many others could soak up a little of what the first leaves.
     if (matches[k].gain >= second_evidence) add_pair(matches[k], candidates);
-  double alone = 1e300;
-  for (const Model& model : singles) alone = std::min(alone, model.distance);
   Pairs pairs;
-  for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, alone)) {
+  for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, {.fewer = nearest_of(singles)})) {
     // Strengths of what comes out differently every time are not known well: then likelihood tells, or what
     // one effect cannot be right about.
     const bool better = likelier(model, left_alone);
@@ -200,7 +205,7 @@ std::vector<Model> Search::triples(const Model& pair) {
   }
   std::vector<Model> list, undecided;
   std::vector<Contender> fewer;
-  for (Model& model : fit_and_judge(std::move(candidates), 0.95, 0.98, pair.distance)) {
+  for (Model& model : fit_and_judge(std::move(candidates), 0.95, 0.98, {.fewer = pair.distance})) {
     const bool better = likelier(model, pair);
     const std::vector<std::string> needed = significant(model);
     if (needed.size() == model.effects.size()) {
@@ -321,14 +326,14 @@ bool Search::likelier(const Model& model, const Model& fewer) const {
 
 /// Fitted and judged, noted among the hypotheses.
 std::vector<Model> Search::fit_and_judge(std::vector<Contender> contenders, double from, double to,
-                                         double alone) {
+                                         const Before& before) {
   const auto progress = [&](std::string_view step, double done) {
     if (ground_.progress) ground_.progress(step, from + done * (to - from));
   };
   add_starts_of_shaking(contenders);
   std::vector<Model> judged;
   for (Contender& one : fitted_and_judged(std::move(contenders), {&ground_.plain, ground_.real},
-                                          ground_.battery, alone, ground_.plan, progress, ends_)) {
+                                          ground_.battery, before, ground_.plan, progress, ends_)) {
     note(one.model, one.evidence);
     judged.push_back(std::move(one.model));
   }

@@ -65,7 +65,7 @@ class Search {
   std::optional<Eigen::VectorXd> end_alone(const Scan& scan) const;
   const Scan& scan_of(const std::string& name) const;
   std::vector<Model> fit_and_judge(std::vector<Contender> contenders, double from, double to,
-                                   double alone = 1e300);
+                                   const Before& before = {});
   std::optional<Model> with_part(const Model& before, const Scan& scan);
   std::vector<Model> fit_in_part(const Model& before, const Scan& scan, const PartMatch& match,
                                  const std::vector<std::string>& observables);

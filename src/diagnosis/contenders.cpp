@@ -107,7 +107,8 @@ class Race {
     const double& nearest = contenders_.front().model.distance;
     if (nearest > like_own && nearest < std::min(reachable, before_.as_many))
       go_on(contenders_.front(), more_rounds, "fit 3/");
-    // Where even the nearest is far away, it is judged to say by how much.
+    // Where even the nearest is far away, it is judged to say by how much, but not if one judged before has
+    // said so.
     let_go([&](const Model& model) { return nearest > far_away || model.distance > behind(nearest); });
     if (nearest > behind(before_.as_many)) contenders_.clear();
   }

@@ -35,7 +35,8 @@ struct Before {
 /// The effects of a model, as people read them.
 std::string title(const Model& model);
 
-/// The nearest of the contenders, judged; of each combination of effects the best start. Adds to `ends`.
+/// The nearest of the contenders, judged; of each combination of effects the best start. None where all of
+/// them are farther away than those judged before allow. Adds to `ends`.
 std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, const FitGround& ground,
                                          const std::vector<StatisticDeclaration>& battery,
                                          const Before& before, const StackPlan& plan,

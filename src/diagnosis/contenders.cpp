@@ -40,6 +40,11 @@ double behind(double nearest) {
   return std::max(like_own, 1.4 * nearest);
 }
 
+/// Whether a model is so many times as far away as another one of the same effects, as likelihood tells it.
+bool farther(double times, const Model& model, const Model& other) {
+  return model.unlikeliness > other.unlikeliness + (times - 1) * other.distance;
+}
+
 class Race {
  public:
   Race(std::vector<Contender>& contenders, const FitGround& ground, const Before& before,
@@ -65,11 +70,11 @@ class Race {
       const bool hopeless =
           !one.lets_go && std::any_of(before.begin(), before.end(), [&](const Contender& other) {
             return other.model.distance < like_own &&
-                   one.model.distance > (same(other) ? no_better : too_far) * other.model.distance;
+                   (same(other) ? farther(no_better, one.model, other.model)
+                                : one.model.distance > too_far * other.model.distance);
           });
       if (!hopeless) go_on(one, first_rounds - look, "fit 1/");
     }
-    sort();
     keep_nearest_starts();
     for (const Contender& one : contenders_) ends_[one.model.effects] = one.model.nearest;
     if (plain_ < like_own)  // a gap in few statistics, of which the distance hardly tells: the scan does
@@ -90,7 +95,7 @@ class Race {
     const double limit = plain_ < like_own ? like_own : worthwhile * plain_;
     let_go([&](const Model& model) { return model.distance > limit; });
     for (std::size_t k = 0; k < contenders_.size(); ++k) {
-      const double distance = contenders_[k].model.distance;
+      const double distance = contenders_[k].model.distance, unlikeliness = contenders_[k].model.unlikeliness;
       if (distance > limit) break;
       // What is hopelessly behind is let go as soon as one of them has come near.
       if (k > 0 && distance > behind(contenders_.front().model.distance)) {
@@ -100,7 +105,7 @@ class Race {
       progress_(title(contenders_[k].model), 0.4 + 0.1 * static_cast<double>(k));
       follow(contenders_[k]);
       const bool several = contenders_[k].model.effects.size() > 1;
-      if (several && contenders_[k].model.distance >= distance) try_second_start(contenders_[k]);
+      if (several && contenders_[k].model.unlikeliness >= unlikeliness) try_second_start(contenders_[k]);
       ends_[contenders_[k].model.effects] = contenders_[k].model.nearest;
     }
     if (plain_ >= like_own) sort();
@@ -116,8 +121,7 @@ class Race {
   /// The next start of the same effects, followed as well, where it is about as near; else null.
   Contender* second_start(const Model& nearest) {
     const auto second = second_starts_.find(nearest.effects);
-    if (second == second_starts_.end() || second->second.model.distance > no_better * nearest.distance)
-      return nullptr;
+    if (second == second_starts_.end() || farther(no_better, second->second.model, nearest)) return nullptr;
     if (followed_.insert(nearest.effects).second) follow(second->second);
     return &second->second;
   }
@@ -126,6 +130,9 @@ class Race {
   /// Of each combination of effects the nearest start; the next one is kept aside. What could not follow the
   /// others to where it makes up for them goes first if it is about as near.
   void keep_nearest_starts() {
+    std::sort(contenders_.begin(), contenders_.end(), [](const Contender& a, const Contender& b) {
+      return a.model.unlikeliness < b.model.unlikeliness;
+    });
     std::vector<Contender> nearest;
     for (Contender& one : contenders_) {
       const auto same = std::find_if(nearest.begin(), nearest.end(), [&](const Contender& other) {
@@ -133,7 +140,7 @@ class Race {
       });
       if (same == nearest.end()) {
         nearest.push_back(std::move(one));
-      } else if (one.lets_go && one.model.distance <= no_better * same->model.distance) {
+      } else if (one.lets_go && !farther(no_better, one.model, same->model)) {
         std::swap(one, *same);
         second_starts_.insert_or_assign(same->model.effects, std::move(one));
       } else {
@@ -147,7 +154,7 @@ class Race {
   /// up for a little of what another gets wrong.
   void try_second_start(Contender& stuck) {
     Contender* second = second_start(stuck.model);
-    if (second && second->model.distance < stuck.model.distance) std::swap(stuck, *second);
+    if (second && second->model.unlikeliness < stuck.model.unlikeliness) std::swap(stuck, *second);
   }
   void follow(Contender& contender) {
     go_on(contender, more_rounds, "fit 2/");
@@ -206,7 +213,8 @@ bool drawn_too_widely(const Model& model, Eigen::Index parameter) {
          std::fabs(model.estimate(parameter) - one.centre) < one.width;
 }
 
-/// The model about where judging it has led, its effects alone or its calibration as well.
+/// The model about where judging it has led, its effects and what calibrations do not tell, or all of the
+/// calibration as well.
 Model about_estimate(const Model& model, bool calibration) {
   constexpr double farthest = 4;  // widths
   constexpr double untold = 3;    // widths: an error so large says nothing of where to go
@@ -220,9 +228,10 @@ Model about_estimate(const Model& model, bool calibration) {
     if (in_part(model) && drawn_too_widely(model, k)) one.width = narrow * model.error(k);
     one.centre = one.bounded(one.centre + way);
   }
-  if (calibration)
-    for (Eigen::Index k = 0; k < model.first_effect_parameter; ++k)
-      if (Uncertain& one = moved.open[static_cast<std::size_t>(k)]; !one.held) one.move_to(model.estimate(k));
+  for (Eigen::Index k = 0; k < model.first_effect_parameter; ++k)
+    if (Uncertain& one = moved.open[static_cast<std::size_t>(k)];
+        !one.held && (calibration || one.calibrates_widely()))
+      one.move_to(model.estimate(k));
   return moved;
 }
 
@@ -308,6 +317,7 @@ class Looks {
     return look.model.p_value < comfortable &&
            look.model.log_likelihood > standing_.explaining - out_of_reach &&
            (look.closed > least_to_pass || (look.closed > promising && look.model.p_value > hardly_odd) ||
+            much_likelier(look.model, *ground_.plain) ||
             differs_as_own_stacks(look.model, *ground_.plain, battery_));
   }
 

@@ -17,9 +17,11 @@ constexpr double prior_widths = 6;  // of a step, in widths: keeps what the data
 constexpr double near = 1.3;
 constexpr int still_rounds = 2;
 
-// A way may lead over a hill, as the calibration follows the effects a step later.
+// A way may lead over a hill, as the calibration follows the effects a step later. By how much less likely
+// frames are than at the best place, in parts of its distance:
 constexpr int uphill_rounds = 2;
-constexpr double lost = 3;  // times the best distance: no hill is that high
+constexpr double hill = 0.3, lost = 2;  // no hill is as high as the latter
+constexpr double as_far = 0.2;          // is hardly another place
 
 // Far from the real stack, where a step leads on it leads far: rounds in a row that gain less than this part
 // are the end of the way. Near it they first come closer with smaller widths.
@@ -101,15 +103,18 @@ class Fitter {
   struct Step {
     Eigen::VectorXd delta, error;  // of all open parameters, coordinates
     double distance = 0;           // before the step, calibration's parameters at their best
+    double unlikeliness = 0;       // there: the distance and what scatter costs
   };
 
   Step step(const Local& local, const std::vector<Uncertain>& open, Eigen::Index from) const {
     const Eigen::Index p = statistics_.size(), m = static_cast<Eigen::Index>(open.size());
     // Deviations in units of a stack's scatter; one that is not known to be straight counts less.
     Eigen::VectorXd z = Eigen::VectorXd::Zero(p), scale = Eigen::VectorXd::Zero(p);
+    double scatter = 0;
     for (Eigen::Index i = 0; i < p; ++i) {
       if (!(unit_(i) > 0) || !std::isfinite(statistics_(i)) || local.noise(i) == 0) continue;
       scale(i) = 1 / std::hypot(std::max(unit_(i), local.noise(i)), discrepancy_(i));
+      scatter -= 2 * std::log(scale(i) * std::hypot(unit_(i), discrepancy_(i)));
       z(i) = (statistics_(i) - local.middle(i)) * scale(i);
     }
     Eigen::MatrixXd slopes(p, m);
@@ -136,6 +141,7 @@ class Fitter {
         delta = delta.cwiseMax(-plain_trust).cwiseMin(plain_trust);
       }
       out.distance = compressed(z - slopes.leftCols(from) * delta).squaredNorm() / static_cast<double>(p);
+      out.unlikeliness = out.distance + scatter / static_cast<double>(p);
     }
     Eigen::VectorXd delta = Eigen::VectorXd::Zero(m);
     // Far from the real stack the large deviations show the way, near it they are somebody else's.
@@ -182,13 +188,12 @@ void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& pla
   const Fitter fitter(model, ground, plan);
   const Eigen::Index from = model.first_effect_parameter;
   const auto effects = static_cast<int>(model.open.size()) - static_cast<int>(from);
-  double last = model.distance;
+  double last = model.unlikeliness, plateau = model.unlikeliness;
   int uphill = 0, on_plateau = 0;
-  double plateau = model.distance;
   std::vector<double> ways(model.open.size());  // of the last round, in parts of the ranges
   std::vector<int> still(model.open.size());    // rounds with steps that are small beside the widths
   for (int round = 0; round < rounds; ++round) {
-    if (on_plateau >= (plateau < near ? near_plateau_rounds : plateau_rounds)) break;
+    if (on_plateau >= (model.distance < near ? near_plateau_rounds : plateau_rounds)) break;
     const std::uint64_t number = first + static_cast<std::uint64_t>(round) * 10000;
     recalibrate(model, ground.real, plan, number + 5000);
     // Calibration's parameters stand still: what they do is known from the plain model.
@@ -199,14 +204,15 @@ void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& pla
     const Local local = straight_lines(population, drawn, from, fitter.unit());
     const Fitter::Step step = fitter.step(local, model.open, from);
     ++on_plateau;
-    if (step.distance < (1 - plateau_gain) * plateau) {
-      plateau = step.distance;
+    if (step.unlikeliness < plateau - plateau_gain * step.distance) {
+      plateau = step.unlikeliness;
       on_plateau = 0;
     }
-    last = step.distance;
-    if (step.distance > 1.3 * model.distance) ++uphill;
+    last = step.unlikeliness;
+    const double worse = (step.unlikeliness - model.unlikeliness) / model.distance;
+    if (worse > hill) ++uphill;
     const int patience = model.distance > near ? uphill_rounds : 0;
-    if (uphill > patience || step.distance > lost * model.distance) {
+    if (uphill > patience || worse > lost) {
       // Back: part of the way only, and a closer look.
       uphill = 0;
       for (std::size_t k = 0; k < model.open.size(); ++k) {
@@ -216,9 +222,10 @@ void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& pla
       }
       continue;
     }
-    if (step.distance < model.distance) {
+    if (step.unlikeliness < model.unlikeliness) {
       model.nearest = model.open;
       model.distance = step.distance;
+      model.unlikeliness = step.unlikeliness;
       uphill = 0;
     }
     bool settled = true, on_its_way = false;
@@ -254,7 +261,7 @@ void fit(Model& model, const FitGround& ground, int rounds, const StackPlan& pla
     if (on_its_way) on_plateau = std::max(0, on_plateau - 1);
     if (settled && round >= 1 && step.distance < near) break;
   }
-  if (last > 1.2 * model.distance) model.open = model.nearest;
+  if (last > model.unlikeliness + as_far * model.distance) model.open = model.nearest;
 }
 
 }  // namespace atomcam

@@ -22,6 +22,7 @@ Model Model::unjudged() const {
   same.first_effect_parameter = first_effect_parameter;
   same.explains = explains;
   same.distance = distance;
+  same.unlikeliness = unlikeliness;
   same.nearest = nearest;
   return same;
 }
@@ -332,6 +333,11 @@ void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std
   for (auto k = Eigen::Index{0}; k < model.first_effect_parameter; ++k) {
     Uncertain& one = model.open[static_cast<std::size_t>(k)];
     if (one.held) continue;
+    // Optics that are drawn as widely as that would bend the statistics.
+    if (const double apart = offsets(k, 0) - offsets(k, 1);
+        !model.effects.empty() && !one.shared && one.width > 0 && std::isfinite(apart))
+      one.calibrates_apart(apart);
+    if (one.calibrates_widely()) continue;
     double sum = 0, count = 0;
     for (const double offset : offsets.row(k))
       if (std::isfinite(offset)) sum += offset, count += 1;

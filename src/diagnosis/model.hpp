@@ -36,6 +36,9 @@ struct Model {
   double gap = 0;                   // of the real stack
   double floor = 1;                 // median gap of its own stacks
   double distance = 1e300;          // of the real stack from the best place that fits found
+  /// Likewise, twice the negative log likelihood a statistic there, up to a constant: what scatters widely is
+  /// near to anything. It tells places of one model apart.
+  double unlikeliness = 1e300;
   std::vector<Uncertain> nearest;   // the open parameters there
   double log_likelihood = 0;        // of the real stack's battery
   double usual_log_likelihood = 0;  // mean of those of its own stacks

@@ -92,6 +92,17 @@ bool Uncertain::is_of(const std::vector<std::string>& effects) const {
                      [&](const std::string& effect) { return name.starts_with("effects." + effect + "."); });
 }
 
+void Uncertain::calibrates_apart(double difference) {
+  constexpr int enough = 2;
+  constexpr double clearly = 3;  // usual widths
+  if (scatters == 0) usual_width = width;
+  scatter = (scatter * scatters + 0.5 * difference * difference) / (scatters + 1);
+  ++scatters;
+  if (scatters < enough) return;
+  const double apart = std::sqrt(scatter);
+  width = apart > clearly * usual_width ? apart : usual_width;
+}
+
 void Uncertain::move_to(double coordinate) {
   constexpr double bounds = 5;  // widths
   centre = std::clamp(std::clamp(coordinate, -farthest, farthest), least, most);

@@ -29,9 +29,12 @@ struct Uncertain {
   /// Drawn for a group of stacks at once: making a point-spread function takes longer than simulating a
   /// stack.
   bool shared = false;
-  bool held = false;  // known better than calibrating says: no recalibration moves it, nor a fit
-  double pull = 0;    // by how much the last recalibration moved the centre
-  int steady = 0;     // how many before it moved it to the same side
+  bool held = false;       // known better than calibrating says: no recalibration moves it, nor a fit
+  double pull = 0;         // by how much the last recalibration moved the centre
+  int steady = 0;          // how many before it moved it to the same side
+  double usual_width = 0;  // of the draws; wider if effects make calibrations scatter more than that:
+  double scatter = 0;      // by `scatters` recalibrations, mean square of what two stacks differ by, halved
+  int scatters = 0;
   std::function<void(Lab&, double coordinate)> apply;
   std::function<double(double coordinate)> value;            // in the parameter's unit
   std::function<double(double in_unit)> coordinate_of = {};  // of an effect's parameter: the way back
@@ -44,6 +47,10 @@ struct Uncertain {
   double bounded(double coordinate) const;
   /// Where in the parameter's range a coordinate is: the same, and an angle comes round.
   double within(double coordinate) const;
+  /// A calibration's parameter: two stacks of the model calibrate so differently.
+  void calibrates_apart(double difference);
+  /// By more than calibrations of the plain model differ: then the statistics tell better where it is.
+  bool calibrates_widely() const { return width > usual_width && scatters > 0; }
   /// A calibration's parameter: the centre moves there, if not too far, and the bounds with it.
   void move_to(double coordinate);
   /// An effect's parameter: room to go there and to draw about it, as far as the parameter itself goes.

@@ -126,5 +126,29 @@ TEST(Fit, OpticsThatMakeUpForAnEffectDoNotHideItsStrength) {
   EXPECT_LT(model.error(amplitude), 0.15);
 }
 
+// A bias that walks many times as far as it did scatters so widely that nothing is far from it.
+TEST(Fit, WhatScattersWidelyIsNotNearForThat) {
+  const StackWithEffect it("bias_drift", 2, 100);
+  const ParameterValues& truth = it.stack.lab.effects.at("bias_drift");
+  Model model = it.with_effect();
+  const auto rms = static_cast<std::size_t>(model.first_effect_parameter);
+  for (std::size_t k = 0; k < 2; ++k)
+    model.open[rms + k].centre = model.open[rms + k].coordinate_of(truth[k]);
+  const double right = model.open[rms].centre;
+  model.open[rms].centre += std::log(4.0);
+  const FitGround ground{&it.plain, it.real};
+  fit(model, ground, 8, it.plan, numbers_of("from a longer walk"));
+  EXPECT_NEAR(model.nearest[rms].centre, right, std::log(2.0));
+  // Such stacks do not calibrate alike, and the bias is drawn accordingly; the optics of all are the same.
+  const auto wider = [&](std::size_t k) { return model.open[k].width / it.plain.open[k].width; };
+  for (std::size_t k = 0; k < rms; ++k) {
+    if (model.open[k].name == "bias") {
+      EXPECT_GT(wider(k), 5);
+    } else if (model.open[k].shared && it.plain.open[k].width > 0) {
+      EXPECT_EQ(wider(k), 1);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace atomcam

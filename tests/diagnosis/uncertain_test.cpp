@@ -183,5 +183,18 @@ TEST(Uncertain, DriftsAreAsLongAsTheStackShows) {
   EXPECT_NEAR(effect_prior(*find_effect("bias_drift"), 96, 300)[1].most, std::log(600), 1e-9);
 }
 
+TEST(Uncertain, IsAsWideAsCalibrationsDifferIfTheyDoClearly) {
+  Uncertain one, other;
+  one.width = other.width = 0.01;
+  one.calibrates_apart(0.5);
+  EXPECT_EQ(one.width, 0.01) << "two stacks may be anything";
+  one.calibrates_apart(0.1);
+  EXPECT_NEAR(one.width, std::sqrt((0.25 + 0.01) / 4), 1e-12);
+  EXPECT_TRUE(one.calibrates_widely());
+  for (const double difference : {0.02, -0.03, 0.01}) other.calibrates_apart(difference);
+  EXPECT_EQ(other.width, 0.01);
+  EXPECT_FALSE(other.calibrates_widely());
+}
+
 }  // namespace
 }  // namespace atomcam

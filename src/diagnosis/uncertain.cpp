@@ -101,6 +101,7 @@ void Uncertain::calibrates_apart(double difference) {
   if (scatters < enough) return;
   const double apart = std::sqrt(scatter);
   width = apart > clearly * usual_width ? apart : usual_width;
+  move_to(centre);  // with its bounds
 }
 
 void Uncertain::move_to(double coordinate) {

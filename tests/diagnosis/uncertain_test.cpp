@@ -191,6 +191,7 @@ TEST(Uncertain, IsAsWideAsCalibrationsDifferIfTheyDoClearly) {
   one.calibrates_apart(0.1);
   EXPECT_NEAR(one.width, std::sqrt((0.25 + 0.01) / 4), 1e-12);
   EXPECT_TRUE(one.calibrates_widely());
+  EXPECT_GT(one.bounded(1), 3 * one.width) << "draws have room";
   for (const double difference : {0.02, -0.03, 0.01}) other.calibrates_apart(difference);
   EXPECT_EQ(other.width, 0.01);
   EXPECT_FALSE(other.calibrates_widely());

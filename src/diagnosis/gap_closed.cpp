@@ -8,14 +8,17 @@
 namespace atomcam {
 namespace {
 
-/// Half of the frames may say nothing about a parameter of the effects; what moves an estimate out then
-/// throws it far off. `values`: of the effects' parameters.
-Eigen::VectorXd held_to_draws(const Model& model, Eigen::VectorXd values) {
+/// Half of the frames may hardly know a parameter of the effects: what they say counts beside the draws,
+/// about what all frames say. Alone it may be anywhere. `values`, `error`: of the effects' parameters, not
+/// drawn to the middle.
+Eigen::VectorXd beside_draws(const Model& model, Eigen::VectorXd values, const Eigen::VectorXd& error) {
   constexpr double straight = 3;  // widths of the draws: farther out the statistics are not known
   for (Eigen::Index k = 0; k < values.size(); ++k) {
     const Uncertain& one = model.open[static_cast<std::size_t>(model.first_effect_parameter + k)];
-    values(k) = one.bounded(
-        std::clamp(values(k), one.centre - straight * one.width, one.centre + straight * one.width));
+    const double told = one.width > 0 ? 1 / (1 + std::pow(error(k) / one.width, 2)) : 0;
+    const double off =
+        std::clamp(told * (values(k) - one.centre), -straight * one.width, straight * one.width);
+    values(k) = one.bounded(one.centre + off);
   }
   return values;
 }
@@ -164,16 +167,17 @@ class HeldOut {
     const Eigen::MatrixXd& statistics = values_of(found.population, Part::held_out);
     const Eigen::MatrixXd& misses = estimator.misses();
     const auto from = found.first_effect_parameter, effects = std::ssize(found.open) - from;
-    const Eigen::VectorXd error = estimator.drawn_out(statistics.row(0).transpose(), from).error;
+    const Eigen::VectorXd error =
+        estimator.drawn_out(statistics.row(0).transpose(), from).error.tail(effects);
     const Eigen::ArrayXd further =
-        error.tail(effects).array() / estimator.estimate_error().tail(effects).array().max(1e-300);
+        error.array() / estimator.estimate_error().tail(effects).array().max(1e-300);
     Eigen::MatrixXd own = after_.own();
     for (Eigen::Index n = 0; n < own.rows(); ++n) {
       const Eigen::VectorXd drawn = found.population.draws.row(n).tail(effects).transpose();
       const Eigen::VectorXd miss = misses.row(n % misses.rows()).tail(effects).transpose().array() * further;
       const Eigen::VectorXd seen = statistics.row(n).transpose();
-      own.row(n) +=
-          (after_.judge(seen, held_to_draws(found, drawn + miss)) - after_.judge(seen, drawn)).transpose();
+      own.row(n) += (after_.judge(seen, beside_draws(found, drawn + miss, error)) - after_.judge(seen, drawn))
+                        .transpose();
     }
     return own;
   }
@@ -236,11 +240,11 @@ bool differs_as_own_stacks(const Model& model, const Model& plain,
 }
 
 Eigen::VectorXd fitted_to_first_part(const Model& model, const BatteryValues& real) {
-  Eigen::VectorXd value =
-      model.estimator(Part::fitting).drawn_out(as_vector(real.part[0]), model.first_effect_parameter).value;
+  Standard::Estimate half =
+      model.estimator(Part::fitting).drawn_out(as_vector(real.part[0]), model.first_effect_parameter);
   const auto effects = std::ssize(model.open) - model.first_effect_parameter;
-  value.tail(effects) = held_to_draws(model, value.tail(effects));
-  return value;
+  half.value.tail(effects) = beside_draws(model, half.value.tail(effects), half.error.tail(effects));
+  return half.value;
 }
 
 GapClosed gap_closed(const Model& found, const Model& plain, const BatteryValues& real,

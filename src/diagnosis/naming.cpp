@@ -1,6 +1,7 @@
 #include "diagnosis/naming.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -48,6 +49,12 @@ std::vector<std::string> observables_of(const std::vector<std::string>& effects)
   for (const std::string& name : effects)
     for (const std::string& observable : find_effect(name)->observables) list.push_back(observable);
   return list;
+}
+
+/// How much there is in deviations; a few large ones are not everything.
+double shown_in(const Eigen::VectorXd& z) {
+  constexpr double large = 30;
+  return z.cwiseMin(large).cwiseMax(-large).squaredNorm();
 }
 
 }  // namespace
@@ -127,7 +134,29 @@ bool Naming::likelier(const Model& model) const {
 
 bool Naming::takes_nearly_all(const Model& model) const {
   return closed_by(model) >= least_closed_if_rejected && likelier(model) && !contradicted(model) &&
-         beyond_its_law(model).empty() && odd_where_most_was(model).empty();
+         beyond_its_law(model).empty() && odd_where_most_was(model).empty() && not_seen(model).empty();
+}
+
+/// What scatters widely (a brightness that drifts) may have the frames among its stacks for what these do
+/// elsewhere: a drift that no frame shows is none.
+std::string Naming::not_seen(const Model& model) const {
+  constexpr double as_without = 0.99, hardly_any = 0.04;  // parts of the plain model's stacks, of its own
+  if (!model.explains.empty()) return "";
+  for (const std::string& effect : model.effects) {
+    const Eigen::VectorXd mask = only_of(observables_of({effect}), battery_);
+    const auto shown_in_these = [&](const auto& z) { return shown_in(z.cwiseProduct(mask)); };
+    const double shown = shown_in_these(plain_.z);
+    std::vector<double> without, with_it;
+    for (const auto& z : plain_.standard->own().rowwise()) without.push_back(shown_in_these(z.transpose()));
+    if (shown > quantile(without, as_without)) continue;
+    for (const auto& stack : model.population.whole.rowwise())
+      with_it.push_back(shown_in_these(plain_.standard->judge(stack.transpose())));
+    const auto no_more =
+        std::count_if(with_it.begin(), with_it.end(), [&](double one) { return one <= shown; });
+    if (static_cast<double>(no_more + 1) < hardly_any * static_cast<double>(with_it.size() + 1))
+      return effect;
+  }
+  return "";
 }
 
 std::string Naming::what_is_left(const Model& model, Eigen::Index at) const {
@@ -158,6 +187,8 @@ std::string Naming::objection(const Model& model) const {
     return what_is_left(model, at) + ", as it was";
   if (const std::string beyond = beyond_its_law(model); !beyond.empty())
     return fmt::format("the frames want more of {} than it can be", beyond);
+  if (const std::string effect = not_seen(model); !effect.empty())
+    return fmt::format("{} would show in {}", effect, fmt::join(find_effect(effect)->observables, ", "));
   if (!likelier(model)) return "the frames are no likelier with it";
   if (const std::string where = odd_where_most_was(model); !where.empty())
     return fmt::format("is not what {} shows", where);
@@ -180,7 +211,7 @@ std::string Naming::objection(const Model& model) const {
 /// their units. It does not stand alone; a name that passes must be likelier.
 bool Naming::competes(const Model& model) const {
   return model.p_value >= odd && likelier(model) && !contradicted(model) && beyond_its_law(model).empty() &&
-         closed_in_own_units(model, plain_, battery_) > least_to_pass;
+         not_seen(model).empty() && closed_in_own_units(model, plain_, battery_) > least_to_pass;
 }
 
 /// In an observable that the effects are to change, what is now too much where there was too little is

@@ -84,6 +84,9 @@ class Naming {
   /// The observable in which the plain model misses most, if the frames are odd under the model in it, too.
   std::string odd_where_most_was(const Model& model) const;
   double closed_by(const Model& model) const;
+  /// The effect, of the model's, that its stacks show where it is to show, and the frames do not; none:
+  /// empty.
+  std::string not_seen(const Model& model) const;
   std::string what_is_left(const Model& model, Eigen::Index at) const;
   /// Where the largest difference is that is clear and as it was; none: -1.
   Eigen::Index largest_as_it_was(const Model& model) const;

@@ -8,6 +8,7 @@
 
 #include "diagnosis/classifier.hpp"
 #include "diagnosis/distances.hpp"
+#include "diagnosis/gap_closed.hpp"
 #include "diagnosis/model.hpp"
 #include "diagnosis/patch_views.hpp"
 #include "diagnosis/population.hpp"
@@ -283,7 +284,7 @@ class Comparison {
 
 OpinionModel opinion_model(const Model& model, const BatteryValues& real, bool as_calibrated) {
   const Standard standard = model.estimator(Part::fitting);
-  Eigen::VectorXd fitted = standard.drawn_out(as_vector(real.part[0]), model.first_effect_parameter).value;
+  Eigen::VectorXd fitted = fitted_to_first_part(model, real);
   for (std::size_t k = 0; as_calibrated && k < model.open.size(); ++k)
     fitted(static_cast<Eigen::Index>(k)) = model.open[k].centre;
   OpinionModel opinion;

@@ -90,5 +90,38 @@ TEST(GapClosed, AGapThatStandsOutOfTheScatterNeedsNoStackNearBy) {
   EXPECT_LT(made.closed_by_walks(false, 4), 0.75);
 }
 
+/// Root mean square by which what half of the frames says of an effect misses the truth, in widths of the
+/// draws. `slope`: of each statistic, per width, in deviations of its noise.
+double missed_by_half(double slope) {
+  std::mt19937 random(9);
+  std::normal_distribution<double> normal;
+  const auto noise = [&](Eigen::Index rows, Eigen::Index columns) {
+    return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(rows, columns, [&] { return normal(random); }));
+  };
+  Model model;
+  model.effects = {"blinking"};
+  model.open.resize(1);
+  model.open[0].width = 1;
+  model.population.draws = noise(stacks, 1);
+  model.population.whole = model.population.part[0] = noise(stacks, statistics);
+  model.population.part[0].colwise() += slope * model.population.draws.col(0);
+  double squares = 0;
+  constexpr int times = 400;
+  for (int time = 0; time < times; ++time) {
+    const double truth = normal(random);
+    const Eigen::VectorXd half = noise(statistics, 1).array() + slope * truth;
+    BatteryValues real;
+    real.part[0].assign(half.begin(), half.end());
+    squares += std::pow(fitted_to_first_part(model, real)(0) - truth, 2);
+  }
+  return std::sqrt(squares / times);
+}
+
+// An unbiased estimate from frames that hardly know an effect is anywhere: no place to judge the others at.
+TEST(GapClosed, HalfOfTheFramesSaysNoMoreOfAnEffectThanItKnows) {
+  EXPECT_LT(missed_by_half(0.2), 1.1);  // the middle of the draws misses by 1
+  EXPECT_LT(missed_by_half(2), 0.15);   // what the frames know is theirs to say: 1 / (2 sqrt(40)) = 0.08
+}
+
 }  // namespace
 }  // namespace atomcam

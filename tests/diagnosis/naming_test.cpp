@@ -59,6 +59,8 @@ class Naming : public testing::Test {
     wide.log_likelihood = 6;
     return wide;
   }
+  /// The frames are as usual in the rest.
+  void calm_the_rest() { plain_.z.tail(statistics - moved).setConstant(1); }
   /// What the frames have far off is an observable.
   atomcam::Naming naming_by_observable() const { return {plain_, real_, two_observables_}; }
 
@@ -179,6 +181,21 @@ TEST_F(Naming, WhatComesOutDifferentlyInEveryStackClosesWhatLiesAmongThem) {
   const Model among = wide_model(1), elsewhere = wide_model(-1);
   EXPECT_TRUE(naming().passes(among)) << naming().objection(among);
   EXPECT_FALSE(naming().passes(elsewhere));
+}
+
+// A brightness that drifts scatters what the sites' histogram shows, and comes near to frames that blink.
+TEST_F(Naming, WhatWouldShowAndDoesNotIsNotThere) {
+  const atomcam::Naming naming = naming_by_observable();
+  calm_the_rest();
+  Model found = model({"bias_drift"}, 1, 0.5);  // what the frames have is in the means of rows
+  EXPECT_TRUE(naming.passes(found)) << naming.objection(found);
+  found.population.whole.rightCols(moved).array() += 5;  // the histogram
+  EXPECT_EQ(naming.objection(found), "bias_drift would show in frame_means, pixel_histogram");
+  found.p_value = 0.0001;  // nor is it the nearest
+  EXPECT_FALSE(naming.nearest({&found, 1}));
+  found.population.whole.topRightCorner(10, moved).array() -= 5;  // a tenth of its stacks does not show it
+  found.p_value = 0.5;
+  EXPECT_TRUE(naming.passes(found)) << naming.objection(found);
 }
 
 TEST_F(Naming, HowMuchLikelierAnEffectMustBeIsPartOfWhatThePlainModelMisses) {

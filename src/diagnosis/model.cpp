@@ -232,7 +232,7 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
       -0.5 * model.correlation->squares(compressed_rows(own).transpose()).mean() - width;
 }
 
-std::string beyond_its_law(const Model& model) {
+std::string beyond_its_law(const Model& model, Beyond by) {
   constexpr double errors = 3, least = 0.05;  // the latter: of what is allowed
   for (const std::string& name : model.effects) {
     const auto& parameters = find_effect(name)->parameters;
@@ -242,8 +242,8 @@ std::string beyond_its_law(const Model& model) {
         const Uncertain& one = model.open[static_cast<std::size_t>(k)];
         if (one.name != "effects." + name + "." + p->key || one.cycle > 0) continue;
         const double most = one.coordinate_of(p->maximum);
-        if (model.estimate(k) - most > std::max(errors * model.error(k), least * (most - one.lowest)))
-          return one.name;
+        const double clear = std::max(errors * model.error(k), least * (most - one.lowest));
+        if (model.estimate(k) - most > (by == Beyond::clearly ? clear : 0)) return one.name;
       }
     }
   }

@@ -99,9 +99,11 @@ Eigen::MatrixXd tolerated_own(const Model& model);
 void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan& plan, std::uint64_t first,
            const Model* plain = nullptr, const std::function<void(int)>& progress = {});
 
+enum class Beyond { clearly, at_all };
 /// What the frames want of one of the model's effects that it cannot be: a parameter beside its strength that
-/// is estimated clearly beyond its maximum (noise that forgets so slowly that it is a drift); else empty.
-std::string beyond_its_law(const Model& model);
+/// is estimated beyond its maximum, clearly or at all (noise that forgets so slowly that it is a drift); else
+/// empty.
+std::string beyond_its_law(const Model& model, Beyond by = Beyond::clearly);
 
 /// What the real stack is, besides its battery: how it was calibrated, so that simulated ones can be alike.
 struct RealStack {

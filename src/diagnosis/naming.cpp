@@ -24,6 +24,7 @@ constexpr double clear_difference = 5.5;       // deviations from a model that n
 constexpr double as_it_was = 0.8;              // what is left of one from the plain model, in its parts
 constexpr double least_evidence = 4;           // log likelihood: a little scatter hides a small gap, too
 constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model alone, of one beside it
+constexpr double hardly_any = 0.04;            // part of a model's own stacks
 
 /// The observable in which a model has its largest gap.
 std::string most_missed(const Model& model, const std::vector<StatisticDeclaration>& battery) {
@@ -134,29 +135,45 @@ bool Naming::likelier(const Model& model) const {
 
 bool Naming::takes_nearly_all(const Model& model) const {
   return closed_by(model) >= least_closed_if_rejected && likelier(model) && !contradicted(model) &&
-         beyond_its_law(model).empty() && odd_where_most_was(model).empty() && not_seen(model).empty();
+         wanted_more_of(model).empty() && odd_where_most_was(model).empty() && not_seen(model).empty();
+}
+
+/// What part of a model's stacks show no more than the frames do where one of its effects is to show.
+double Naming::part_below(const Model& model, const std::string& effect) const {
+  const Eigen::VectorXd mask = only_of(observables_of({effect}), battery_);
+  const double shown = shown_in(plain_.z.cwiseProduct(mask));
+  double below = 0;
+  for (const auto& stack : model.population.whole.rowwise())
+    below += shown_in(plain_.standard->judge(stack.transpose()).cwiseProduct(mask)) <= shown;
+  return (below + 1) / static_cast<double>(model.population.stacks() + 1);
 }
 
 /// What scatters widely (a brightness that drifts) may have the frames among its stacks for what these do
 /// elsewhere: a drift that no frame shows is none.
 std::string Naming::not_seen(const Model& model) const {
-  constexpr double as_without = 0.99, hardly_any = 0.04;  // parts of the plain model's stacks, of its own
+  constexpr double as_without = 0.99;  // part of the plain model's stacks
   if (!model.explains.empty()) return "";
   for (const std::string& effect : model.effects) {
     const Eigen::VectorXd mask = only_of(observables_of({effect}), battery_);
-    const auto shown_in_these = [&](const auto& z) { return shown_in(z.cwiseProduct(mask)); };
-    const double shown = shown_in_these(plain_.z);
-    std::vector<double> without, with_it;
-    for (const auto& z : plain_.standard->own().rowwise()) without.push_back(shown_in_these(z.transpose()));
-    if (shown > quantile(without, as_without)) continue;
-    for (const auto& stack : model.population.whole.rowwise())
-      with_it.push_back(shown_in_these(plain_.standard->judge(stack.transpose())));
-    const auto no_more =
-        std::count_if(with_it.begin(), with_it.end(), [&](double one) { return one <= shown; });
-    if (static_cast<double>(no_more + 1) < hardly_any * static_cast<double>(with_it.size() + 1))
+    std::vector<double> without;
+    for (const auto& z : plain_.standard->own().rowwise())
+      without.push_back(shown_in(z.transpose().cwiseProduct(mask)));
+    if (shown_in(plain_.z.cwiseProduct(mask)) <= quantile(without, as_without) &&
+        part_below(model, effect) < hardly_any)
       return effect;
   }
   return "";
+}
+
+/// Clearly so; or a parameter is at its end, and the frames show more of the effect than its stacks do.
+std::string Naming::wanted_more_of(const Model& model) const {
+  if (const std::string beyond = beyond_its_law(model); !beyond.empty()) return beyond;
+  const std::string at_end = beyond_its_law(model, Beyond::at_all);
+  if (at_end.empty() || !model.explains.empty()) return "";
+  const auto whose = std::find_if(model.effects.begin(), model.effects.end(), [&](const std::string& one) {
+    return at_end.starts_with("effects." + one + ".");
+  });
+  return part_below(model, *whose) > 1 - hardly_any ? at_end : "";
 }
 
 std::string Naming::what_is_left(const Model& model, Eigen::Index at) const {
@@ -185,8 +202,8 @@ std::string Naming::objection(const Model& model) const {
   }
   if (const Eigen::Index at = largest_as_it_was(model); at >= 0)
     return what_is_left(model, at) + ", as it was";
-  if (const std::string beyond = beyond_its_law(model); !beyond.empty())
-    return fmt::format("the frames want more of {} than it can be", beyond);
+  if (const std::string more = wanted_more_of(model); !more.empty())
+    return fmt::format("the frames want more of {} than it can be", more);
   if (const std::string effect = not_seen(model); !effect.empty())
     return fmt::format("{} would show in {}", effect, fmt::join(find_effect(effect)->observables, ", "));
   if (!likelier(model)) return "the frames are no likelier with it";
@@ -210,7 +227,7 @@ std::string Naming::objection(const Model& model) const {
 /// The frames are not odd under it, but its own stacks scatter so widely that little of the gap shows in
 /// their units. It does not stand alone; a name that passes must be likelier.
 bool Naming::competes(const Model& model) const {
-  return model.p_value >= odd && likelier(model) && !contradicted(model) && beyond_its_law(model).empty() &&
+  return model.p_value >= odd && likelier(model) && !contradicted(model) && wanted_more_of(model).empty() &&
          not_seen(model).empty() && closed_in_own_units(model, plain_, battery_) > least_to_pass;
 }
 

@@ -87,6 +87,9 @@ class Naming {
   /// The effect, of the model's, that its stacks show where it is to show, and the frames do not; none:
   /// empty.
   std::string not_seen(const Model& model) const;
+  /// The parameter of which the frames want more than the model's effect can be; none: empty.
+  std::string wanted_more_of(const Model& model) const;
+  double part_below(const Model& model, const std::string& effect) const;
   std::string what_is_left(const Model& model, Eigen::Index at) const;
   /// Where the largest difference is that is clear and as it was; none: -1.
   Eigen::Index largest_as_it_was(const Model& model) const;

@@ -198,6 +198,24 @@ TEST_F(Naming, WhatWouldShowAndDoesNotIsNotThere) {
   EXPECT_TRUE(naming.passes(found)) << naming.objection(found);
 }
 
+// A drift that passes for noise that forgets as slowly as it can shows more than such noise does.
+TEST_F(Naming, AtTheEndOfItsLawAnEffectShowsAsMuchAsTheFramesDo) {
+  const atomcam::Naming naming = naming_by_observable();
+  const EffectDeclaration& stripes = *find_effect("emi_stripes");
+  Model found = model({stripes.name}, 1, 0.5);
+  found.open = effect_prior(stripes, 64, 300);
+  found.estimate.setConstant(std::ssize(found.open), -1);
+  found.error.setConstant(std::ssize(found.open), 1);
+  EXPECT_TRUE(naming.passes(found)) << naming.objection(found);
+  const Uncertain& period = found.open[1];
+  found.estimate(1) = period.coordinate_of(stripes.parameters[1].maximum) + 0.1;
+  EXPECT_EQ(naming.objection(found), "the frames want more of " + period.name + " than it can be");
+  move_stacks_of(found);
+  found.population.whole.leftCols(moved).array() +=
+      1;  // the frames' deviations are in the plain model's units
+  EXPECT_TRUE(naming.passes(found)) << naming.objection(found);
+}
+
 TEST_F(Naming, HowMuchLikelierAnEffectMustBeIsPartOfWhatThePlainModelMisses) {
   Model plain = model({}, 0, 0), found = model({"row_noise"}, 1, 0.5);
   plain.usual_log_likelihood = 100;  // 100 more than the frames have under it

@@ -53,6 +53,7 @@ struct Hypothesis {
   double closed = 0;        // of the gap, once fitted
   double imitates = -1;     // part of the found effect's fingerprint it could pass for; -1: not asked
   std::string why_not;
+  bool not_seen = false;  // the frames have nothing where it would show: nor is it what comes near
 };
 
 /// The gap once this effect is added to those before it, at the values that all of them were fitted to.

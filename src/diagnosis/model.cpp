@@ -216,6 +216,11 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
   const Eigen::MatrixXd own = plain ? model.standard->own() : tolerated_own(model);
   model.test = std::make_unique<OmnibusTest>(own, model.population.unsteady);
   model.z = model.standard->judge(statistics);
+  if (plain) {
+    model.from_plain.resize(model.population.whole.rows(), model.population.whole.cols());
+    for (Eigen::Index n = 0; n < model.from_plain.rows(); ++n)
+      model.from_plain.row(n) = plain->standard->judge(model.population.whole.row(n).transpose()).transpose();
+  }
   const auto estimate = within_draws(model.standard->drawn_out(statistics, model.first_effect_parameter),
                                      model.open, model.first_effect_parameter);
   model.estimate = estimate.value;

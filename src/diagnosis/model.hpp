@@ -31,6 +31,7 @@ struct Model {
   Eigen::VectorXd estimate, error;  // open parameters for the real stack, coordinates
   Eigen::VectorXd response;         // how much of a draw's way from the middle such an estimate goes
   Eigen::VectorXd z;                // the real stack's residuals
+  Eigen::MatrixXd from_plain;       // its own stacks' residuals under the plain model, a row each
   double p_value = 1;               // of the real stack, the model's discrepancy granted
   double oddest = 1;                // smallest p-value of the places tried that are as likely as this one
   double gap = 0;                   // of the real stack

@@ -138,29 +138,31 @@ bool Naming::takes_nearly_all(const Model& model) const {
          wanted_more_of(model).empty() && odd_where_most_was(model).empty() && not_seen(model).empty();
 }
 
-/// What part of a model's stacks show no more than the frames do where one of its effects is to show.
-double Naming::part_below(const Model& model, const std::string& effect) const {
-  const Eigen::VectorXd mask = only_of(observables_of({effect}), battery_);
+Naming::Below Naming::below(const Model& model, const std::vector<std::string>& observables) const {
+  const Eigen::VectorXd mask = only_of(observables, battery_);
   const double shown = shown_in(plain_.z.cwiseProduct(mask));
-  double below = 0;
-  for (const auto& stack : model.population.whole.rowwise())
-    below += shown_in(plain_.standard->judge(stack.transpose()).cwiseProduct(mask)) <= shown;
-  return (below + 1) / static_cast<double>(model.population.stacks() + 1);
+  const auto part = [&](const Eigen::MatrixXd& stacks) {
+    double below = 1;
+    for (const auto& z : stacks.rowwise()) below += shown_in(z.transpose().cwiseProduct(mask)) <= shown;
+    return below / static_cast<double>(stacks.rows() + 1);
+  };
+  return {part(plain_.standard->own()), part(model.from_plain)};
 }
 
 /// What scatters widely (a brightness that drifts) may have the frames among its stacks for what these do
-/// elsewhere: a drift that no frame shows is none.
+/// elsewhere: a drift that no frame shows is none. Of one observable alone the more must be clear.
 std::string Naming::not_seen(const Model& model) const {
-  constexpr double as_without = 0.99;  // part of the plain model's stacks
+  constexpr double as_without = 0.99, times_more = 6, clearly_none = 0.02;
   if (!model.explains.empty()) return "";
+  const auto missing = [&](const std::vector<std::string>& observables, double few) {
+    const Below below = this->below(model, observables);
+    return below.with_it < few && below.without > times_more * below.with_it && below.without <= as_without;
+  };
   for (const std::string& effect : model.effects) {
-    const Eigen::VectorXd mask = only_of(observables_of({effect}), battery_);
-    std::vector<double> without;
-    for (const auto& z : plain_.standard->own().rowwise())
-      without.push_back(shown_in(z.transpose().cwiseProduct(mask)));
-    if (shown_in(plain_.z.cwiseProduct(mask)) <= quantile(without, as_without) &&
-        part_below(model, effect) < hardly_any)
-      return effect;
+    const std::vector<std::string> all = observables_of({effect});
+    if (missing(all, hardly_any)) return fmt::format("{} would show in {}", effect, fmt::join(all, ", "));
+    for (const std::string& one : all)
+      if (missing({one}, clearly_none)) return fmt::format("{} would show in {}", effect, one);
   }
   return "";
 }
@@ -173,7 +175,7 @@ std::string Naming::wanted_more_of(const Model& model) const {
   const auto whose = std::find_if(model.effects.begin(), model.effects.end(), [&](const std::string& one) {
     return at_end.starts_with("effects." + one + ".");
   });
-  return part_below(model, *whose) > 1 - hardly_any ? at_end : "";
+  return below(model, observables_of({*whose})).with_it > 1 - hardly_any ? at_end : "";
 }
 
 std::string Naming::what_is_left(const Model& model, Eigen::Index at) const {
@@ -204,8 +206,7 @@ std::string Naming::objection(const Model& model) const {
     return what_is_left(model, at) + ", as it was";
   if (const std::string more = wanted_more_of(model); !more.empty())
     return fmt::format("the frames want more of {} than it can be", more);
-  if (const std::string effect = not_seen(model); !effect.empty())
-    return fmt::format("{} would show in {}", effect, fmt::join(find_effect(effect)->observables, ", "));
+  if (std::string missing = not_seen(model); !missing.empty()) return missing;
   if (!likelier(model)) return "the frames are no likelier with it";
   if (const std::string where = odd_where_most_was(model); !where.empty())
     return fmt::format("is not what {} shows", where);

@@ -64,6 +64,9 @@ class Naming {
   std::string objection(const Model& model) const;
   /// A clear difference is left as it was, or made: whatever the effect takes away, it is not what made that.
   bool contradicted(const Model& model) const { return largest_as_it_was(model) >= 0; }
+  /// What of the model's effects its stacks show where it is to show, and the frames do not, in words; none:
+  /// empty.
+  std::string not_seen(const Model& model) const;
   /// Of the models that pass the one that is by far the likeliest, or the first of several that the data
   /// cannot tell apart.
   std::optional<Named> choose(std::span<Model> models) const;
@@ -84,12 +87,14 @@ class Naming {
   /// The observable in which the plain model misses most, if the frames are odd under the model in it, too.
   std::string odd_where_most_was(const Model& model) const;
   double closed_by(const Model& model) const;
-  /// The effect, of the model's, that its stacks show where it is to show, and the frames do not; none:
-  /// empty.
-  std::string not_seen(const Model& model) const;
   /// The parameter of which the frames want more than the model's effect can be; none: empty.
   std::string wanted_more_of(const Model& model) const;
-  double part_below(const Model& model, const std::string& effect) const;
+  /// What parts of the plain model's stacks and of a model's show no more in these observables than the
+  /// frames do: no smaller deviations from the plain model.
+  struct Below {
+    double without = 0, with_it = 0;
+  };
+  Below below(const Model& model, const std::vector<std::string>& observables) const;
   std::string what_is_left(const Model& model, Eigen::Index at) const;
   /// Where the largest difference is that is clear and as it was; none: -1.
   Eigen::Index largest_as_it_was(const Model& model) const;

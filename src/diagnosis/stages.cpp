@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "diagnosis/deviations.hpp"
 #include "diagnosis/uncertain.hpp"
@@ -330,13 +331,18 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   if (sites_are_displaced(battery, z)) return field_is_displaced(battery, z) ? "optics" : "scene";
   if (!hypotheses.empty()) {
     // The stage of the known effects that come closest, as far as these take anything away.
+    std::set<std::vector<std::string>> not_seen;
+    for (const Hypothesis& one : hypotheses)
+      if (one.not_seen) not_seen.insert(one.effects);
+    const auto counts = [&](const Hypothesis& one) {
+      return one.effects.size() == 1 && one.log_evidence > 0 && !not_seen.contains(one.effects);
+    };
     double best = 0, share = 0;
     for (const Hypothesis& one : hypotheses)
-      if (one.effects.size() == 1 && one.log_evidence > best) best = one.log_evidence, share = one.share;
+      if (counts(one) && one.log_evidence > best) best = one.log_evidence, share = one.share;
     const double trust = 2 * std::max(1.0, all) * std::pow(std::min(1.0, 2 * share), 3);
     for (const Hypothesis& one : hypotheses)
-      if (one.effects.size() == 1 && one.log_evidence > 0)
-        votes[stage_of(one.effects.front())] += trust * std::pow(one.log_evidence / best, 4);
+      if (counts(one)) votes[stage_of(one.effects.front())] += trust * std::pow(one.log_evidence / best, 4);
   }
   return std::max_element(votes.begin(), votes.end(),
                           [](const auto& a, const auto& b) { return a.second < b.second; })

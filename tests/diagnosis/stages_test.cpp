@@ -338,6 +338,9 @@ TEST(Stages, AnEffectSpeaksForItsStageAsFarAsItExplains) {
   EXPECT_EQ(stage_at(0, 20, 0, 0, {one}), "sensor");
   one.share = 0.9;
   EXPECT_EQ(stage_at(0, 20, 0, 0, {one}), "scene");
+  Hypothesis judged = one;
+  judged.not_seen = true;
+  EXPECT_EQ(stage_at(0, 20, 0, 0, {one, judged}), "sensor");
 }
 
 }  // namespace

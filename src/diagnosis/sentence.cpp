@@ -97,6 +97,13 @@ std::string sentence_of(const Diagnosis& d) {
                              ? ""
                              : fmt::format("; {} of {} were looked at", d.frames.count(), d.frames.all()));
     case Verdict::explained:
+      // Half of the frames may be too few for a gap that all of them have.
+      if (d.gap.before > 0 && d.gap.before <= d.gap.floor)
+        return fmt::format(
+            "{} {} a gap that all frames have (p = {:.1g}, with {} {:.2g}) and the held-out half does not "
+            "show.",
+            names(), d.effects.size() > 1 ? "explain" : "explains", d.p_gap,
+            d.effects.size() > 1 ? "them" : "it", d.p_after);
       return fmt::format("{} {} {} of the gap on held-out frames.", names(),
                          d.effects.size() > 1 ? "close" : "closes", percent(d.gap.closed));
     case Verdict::partly_explained:

@@ -31,6 +31,23 @@ TEST(Sentence, ListsWhatIsExplainedInPart) {
   }
 }
 
+TEST(Sentence, TellsNoFractionOfAGapThatHeldOutFramesDoNotHave) {
+  Diagnosis found;
+  found.verdict = Verdict::explained;
+  found.effects.push_back({"row_noise", "sensor", {}, 0.9, {}});
+  found.gap.before = 12;
+  found.gap.floor = 6;
+  found.gap.closed = 0.97;
+  EXPECT_EQ(sentence_of(found), "row_noise closes 97 % of the gap on held-out frames.");
+  found.gap.before = 5;
+  found.p_gap = 1e-6;
+  found.p_after = 0.84;
+  EXPECT_EQ(
+      sentence_of(found),
+      "row_noise explains a gap that all frames have (p = 1e-06, with it 0.84) and the held-out half does "
+      "not show.");
+}
+
 TEST(Sentence, OfAgreementSaysHowManyFramesWereLookedAt) {
   Diagnosis diagnosis;
   diagnosis.p_gap = 0.25;

@@ -99,11 +99,12 @@ class HeldOut {
       : battery_(battery),
         before_(plain.population, Part::held_out),
         after_(found.population, Part::held_out, effects_of(found),
-               found.explains.empty() ? Eigen::VectorXd() : found.standard->discrepancy(), effects_reach),
-        own_(as_fitted(found)) {
+               found.explains.empty() ? Eigen::VectorXd() : found.standard->discrepancy(), effects_reach) {
+    const Standard estimator = found.estimator(Part::fitting);
+    own_ = as_fitted(found, estimator);
     const Eigen::VectorXd statistics = as_vector(real.part[1]);
-    const Eigen::VectorXd values =
-        fitted_to_first_part(found, real).tail(std::ssize(found.open) - found.first_effect_parameter);
+    const Eigen::VectorXd values = fitted_to_first_part(found, estimator, real)
+                                       .tail(std::ssize(found.open) - found.first_effect_parameter);
     z_before_ = before_.judge(statistics);
     z_after_ = after_.judge(statistics, values);
     const Eigen::VectorXd in_common = z_before_.cwiseProduct(in_larger_units(before_, after_));
@@ -162,8 +163,7 @@ class HeldOut {
 
   /// The model's own stacks, judged as the real one is: by what half of the frames says of the effects, not
   /// by what they are. The errors of that are those of its fits to own stacks.
-  Eigen::MatrixXd as_fitted(const Model& found) const {
-    const Standard estimator = found.estimator(Part::fitting);
+  Eigen::MatrixXd as_fitted(const Model& found, const Standard& estimator) const {
     const Eigen::MatrixXd& statistics = values_of(found.population, Part::held_out);
     const Eigen::MatrixXd& misses = estimator.misses();
     const auto from = found.first_effect_parameter, effects = std::ssize(found.open) - from;
@@ -240,8 +240,12 @@ bool differs_as_own_stacks(const Model& model, const Model& plain,
 }
 
 Eigen::VectorXd fitted_to_first_part(const Model& model, const BatteryValues& real) {
-  Standard::Estimate half =
-      model.estimator(Part::fitting).drawn_out(as_vector(real.part[0]), model.first_effect_parameter);
+  return fitted_to_first_part(model, model.estimator(Part::fitting), real);
+}
+
+Eigen::VectorXd fitted_to_first_part(const Model& model, const Standard& estimator,
+                                     const BatteryValues& real) {
+  Standard::Estimate half = estimator.drawn_out(as_vector(real.part[0]), model.first_effect_parameter);
   const auto effects = std::ssize(model.open) - model.first_effect_parameter;
   half.value.tail(effects) = beside_draws(model, half.value.tail(effects), half.error.tail(effects));
   return half.value;

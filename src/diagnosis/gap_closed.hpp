@@ -41,7 +41,10 @@ bool differs_as_own_stacks(const Model& model, const Model& plain,
                            const std::vector<StatisticDeclaration>& battery);
 
 /// The model's open parameters (coordinates) as the first of the interleaved parts has them.
+/// `estimator`: the model's from that part.
 Eigen::VectorXd fitted_to_first_part(const Model& model, const BatteryValues& real);
+Eigen::VectorXd fitted_to_first_part(const Model& model, const Standard& estimator,
+                                     const BatteryValues& real);
 
 /// The gap on the held-out part with the effects as fitted to the first, calibration being free to follow;
 /// without `steps` and `second_opinions`.

@@ -134,8 +134,11 @@ bool Naming::likelier(const Model& model) const {
 }
 
 bool Naming::takes_nearly_all(const Model& model) const {
-  return closed_by(model) >= least_closed_if_rejected && likelier(model) && !contradicted(model) &&
-         wanted_more_of(model).empty() && odd_where_most_was(model).empty() && not_seen(model).empty();
+  return closed_by(model) >= least_closed_if_rejected && may_be(model) && odd_where_most_was(model).empty();
+}
+
+bool Naming::may_be(const Model& model) const {
+  return likelier(model) && !contradicted(model) && wanted_more_of(model).empty() && not_seen(model).empty();
 }
 
 Naming::Below Naming::below(const Model& model, const std::vector<std::string>& observables) const {
@@ -228,8 +231,8 @@ std::string Naming::objection(const Model& model) const {
 /// The frames are not odd under it, but its own stacks scatter so widely that little of the gap shows in
 /// their units. It does not stand alone; a name that passes must be likelier.
 bool Naming::competes(const Model& model) const {
-  return model.p_value >= odd && likelier(model) && !contradicted(model) && wanted_more_of(model).empty() &&
-         not_seen(model).empty() && closed_in_own_units(model, plain_, battery_) > least_to_pass;
+  return model.p_value >= odd && may_be(model) &&
+         closed_in_own_units(model, plain_, battery_) > least_to_pass;
 }
 
 /// In an observable that the effects are to change, what is now too much where there was too little is

@@ -80,6 +80,8 @@ class Naming {
   /// The frames are likelier with its effects than without; what explains only a part of the gap has its own
   /// measure.
   bool likelier(const Model& model) const;
+  /// Nothing speaks against its effects, however much they close.
+  bool may_be(const Model& model) const;
   bool competes(const Model& model) const;
   std::vector<double> odds_among(const std::vector<Model*>& models) const;
   Named choose_among(std::vector<Model*> models) const;

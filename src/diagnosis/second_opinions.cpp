@@ -284,7 +284,7 @@ class Comparison {
 
 OpinionModel opinion_model(const Model& model, const BatteryValues& real, bool as_calibrated) {
   const Standard standard = model.estimator(Part::fitting);
-  Eigen::VectorXd fitted = fitted_to_first_part(model, real);
+  Eigen::VectorXd fitted = fitted_to_first_part(model, standard, real);
   for (std::size_t k = 0; as_calibrated && k < model.open.size(); ++k)
     fitted(static_cast<Eigen::Index>(k)) = model.open[k].centre;
   OpinionModel opinion;

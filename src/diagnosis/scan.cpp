@@ -317,6 +317,13 @@ PartMatch match_part(const Scan& scan, const Eigen::VectorXd& mask, const ScanVi
   return match;
 }
 
+ScanViews less(const ScanViews& real, const Scan& scan, const Eigen::VectorXd& at) {
+  ScanViews left;
+  for (std::size_t v = 0; v < scan_views; ++v)
+    left[v] = compressed(expanded(real[v]) - expanded(scan.view[v].emulator->mean(at)));
+  return left;
+}
+
 std::vector<PairMatch> match_pairs(const std::vector<Scan>& scans, std::size_t leaders,
                                    const ScanViews& all_real, int threads) {
   struct Task {

@@ -67,6 +67,9 @@ struct PartMatch {
 };
 PartMatch match_part(const Scan& scan, const Eigen::VectorXd& mask, const ScanViews& real);
 
+/// What an effect with these parameters leaves of the deviations, taken to add up.
+ScanViews less(const ScanViews& real, const Scan& scan, const Eigen::VectorXd& at);
+
 /// Two effects at once: their deviations taken to add up.
 struct PairMatch {
   std::size_t first = 0, second = 0;  // scans

@@ -14,19 +14,49 @@ namespace {
 
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 constexpr double more_odds = 5;         // logarithm, over the likeliest of fewer effects, for one more
+constexpr double law_shows = 0.05;  // part of what is odd in its observables, by the scan of a law of its own
 
-/// The effects whose strength is some errors away from nothing.
-std::vector<std::string> significant(const Model& model) {
+/// The effects whose strength is as the question (estimate, error, lowest) asks.
+template <class Question>
+std::vector<std::string> effects_whose_strength(const Model& model, const Question& question) {
   std::vector<std::string> list;
   for (const std::string& name : model.effects) {
     const std::string key = "effects." + name + "." + find_effect(name)->parameters.front().key;
-    const bool clear = std::none_of(model.open.begin(), model.open.end(), [&](const Uncertain& one) {
-      const auto at = static_cast<Eigen::Index>(&one - model.open.data());
-      return one.name == key && (model.error(at) > 0.3 || model.estimate(at) < one.lowest + 0.2);
-    });
-    if (clear) list.push_back(name);
+    const auto strength = std::find_if(model.open.begin(), model.open.end(),
+                                       [&](const Uncertain& one) { return one.name == key; });
+    const auto at = static_cast<Eigen::Index>(strength - model.open.begin());
+    if (strength == model.open.end() || question(model.estimate(at), model.error(at), strength->lowest))
+      list.push_back(name);
   }
   return list;
+}
+
+/// The effects whose strength is known, and more than the smallest that is looked for.
+std::vector<std::string> significant(const Model& model) {
+  return effects_whose_strength(model, [](double estimate, double error, double lowest) {
+    return error <= 0.3 && estimate >= lowest + 0.2;
+  });
+}
+
+/// Every effect is there, however little is known of its strength.
+bool all_there(const Model& model) {
+  constexpr double errors = 5;
+  const auto there = effects_whose_strength(model, [](double estimate, double error, double lowest) {
+    return estimate >= lowest + errors * error;
+  });
+  return there.size() == model.effects.size();
+}
+
+/// Those of the list that are not among others.
+std::vector<std::string> without(std::vector<std::string> list, const std::vector<std::string>& others) {
+  std::erase_if(list, [&](const std::string& one) {
+    return std::find(others.begin(), others.end(), one) != others.end();
+  });
+  return list;
+}
+
+bool share_observables(const EffectDeclaration& one, const EffectDeclaration& other) {
+  return without(one.observables, other.observables).size() < one.observables.size();
 }
 
 /// Of the gap, in its own standard deviations, than a model of fewer effects.
@@ -225,53 +255,103 @@ std::vector<Model> Search::triples(const Model& pair) {
 
 /// Real cameras have several effects at once, some in no catalogue. One that has a law of its own is named
 /// for what it explains in its own observables though others stay odd. So is any effect in frames without
-/// atoms: with atoms many effects look like a part of another. Then another one for what it explains
-/// elsewhere.
+/// atoms: with atoms many effects look like a part of another. One after another, each for what it explains
+/// where none before it does. A law and another effect that show in the same observables hide each other:
+/// where the law is not found alone, both at once, or the other would bend to what the law does.
 std::optional<Found> Search::in_part() {
   constexpr std::size_t most = 3;
   std::optional<Model> model;
+  const auto add = [&](const Scan& scan, const Scan* law) {
+    const std::size_t more = law ? 2 : 1, before = model ? model->effects.size() : 0;
+    if (before + more > most) return false;
+    std::optional<Model> found = with_part(model ? *model : ground_.plain, scan, law);
+    if (!found) return false;
+    model = std::move(found);
+    return true;
+  };
+  const auto hidden_beside = [&](const Scan& scan) {
+    const auto law = std::find_if(scans_.begin(), scans_.end(), [&](const Scan& one) {
+      return one.effect->own_law && !(model && model->has(one.effect->name)) &&
+             share_observables(*scan.effect, *one.effect);
+    });
+    return law == scans_.end() ? nullptr : &*law;
+  };
   for (const Scan& scan : scans_)
-    if (std::optional<Model> more = with_part(model ? *model : ground_.plain, scan)) {
-      model = std::move(more);
-      if (model->effects.size() == most) break;
+    if (scan.effect->own_law) add(scan, nullptr);
+  if (!atoms())
+    for (const Scan& scan : scans_) {
+      if (scan.effect->own_law) continue;
+      const Scan* law = hidden_beside(scan);
+      if (!add(scan, law) && law && !shows(*law)) add(scan, nullptr);
     }
   if (!model) return {};
   const double closed = closed_by(*model, ground_.plain, ground_.battery);
   return found(Named{&*model, Verdict::partly_explained, 0.5 + 0.5 * closed, {}});
 }
 
-/// The model with the scan's effect on top, if that explains what is odd in those of its observables that no
-/// other effect was named for.
-std::optional<Model> Search::with_part(const Model& before, const Scan& scan) {
+/// Whether the scan finds some of a law in its observables.
+bool Search::shows(const Scan& law) const {
+  return match_part(law, only_of(law.effect->observables, ground_.battery), seen_).share >= law_shows;
+}
+
+/// About which parameters the scan finds the effect in these observables, if there is much odd in them and it
+/// takes some of that away. Beside a law best where that does not show, or else in what it leaves.
+std::optional<PartMatch> Search::match_part_of_gap(const Model& before, const Scan& scan, const Scan* law,
+                                                   const std::vector<std::string>& observables) const {
   constexpr double least_gap = 50;    // mean square of the largest deviations of these observables
   constexpr double larger_gap = 200;  // without a law of its own
   constexpr double promising = 0.3;   // part of their squares, by the scan, which does not recalibrate
-  constexpr double law_shows = 0.05;  // likewise, of a law of its own
-  constexpr double ahead = 0.15;      // of any other effect, of the gap
-  constexpr double grown = 1.1;       // the gap elsewhere must not be
+  const bool own_law = scan.effect->own_law;
+  const auto is_odd = [&](const std::vector<std::string>& list, double least) {
+    return !list.empty() && gap_of(before.z.cwiseProduct(only_of(list, ground_.battery))) >= least;
+  };
+  const auto match = [&](const Scan& one, const std::vector<std::string>& list, const ScanViews& real) {
+    return match_part(one, only_of(list, ground_.battery), real);
+  };
+  const std::vector<std::string> alone = law ? without(observables, law->effect->observables) : observables;
+  std::optional<PartMatch> found;
+  if (is_odd(alone, own_law ? least_gap : larger_gap)) {
+    found = match(scan, alone, seen_);
+  } else if (law && is_odd(observables, least_gap)) {
+    const ScanViews left = less(seen_, *law, match(*law, law->effect->observables, seen_).best);
+    found = match(scan, observables, left);
+  }
+  if (found && found->share < (own_law && !atoms() ? law_shows : promising)) return {};
+  return found;
+}
+
+/// The model with the scan's effect on top, if that explains what is odd in those of its observables that no
+/// other effect was named for. `law`: another one beside it, or none.
+std::optional<Model> Search::with_part(const Model& before, const Scan& scan, const Scan* law) {
+  constexpr double ahead = 0.15;  // of any other effect, of the gap
+  constexpr double grown = 1.1;   // the gap elsewhere must not be
   const Model& plain = ground_.plain;
   const bool own_law = scan.effect->own_law;
-  if (!own_law && atoms()) return {};
-  std::vector<std::string> observables;
-  for (const std::string& one : scan.effect->observables)
-    if (std::find(before.explains.begin(), before.explains.end(), one) == before.explains.end())
-      observables.push_back(one);
-  if (observables.empty()) return {};
-  const Eigen::VectorXd own = only_of(observables, ground_.battery);
-  if (gap_of(before.z.cwiseProduct(own)) < (own_law ? least_gap : larger_gap)) return {};
-  const PartMatch match = match_part(scan, own, seen_);
-  if (match.share < (own_law && !atoms() ? law_shows : promising)) return {};
-  std::vector<Model> judged = fit_in_part(before, scan, match, observables);
+  std::vector<std::string> observables = without(scan.effect->observables, before.explains);
+  std::optional<PartMatch> match = match_part_of_gap(before, scan, law, observables);
+  if (!match) return {};
+  const Part part{scan, std::move(*match), std::move(observables)};
+  std::vector<Model> judged = fit_in_part(before, part, law);
   if (judged.empty()) return {};
   Model& model = judged.front();
-  const double closed = closed_by(model, plain, ground_.battery, observables);
-  if (significant(model).size() < model.effects.size() ||
-      closed < (own_law ? least_part_closed : least_closed_if_odd))
+  const auto closed_in = [&](const std::vector<std::string>& list) {
+    return list.empty() ? 0 : closed_by(model, plain, ground_.battery, list);
+  };
+  const double closed = closed_in(part.observables);
+  if (!all_there(model) || closed < least_part_closed) return {};
+  // Nobody's law is all that the law's observables have: what shows elsewhere, too, is judged there.
+  if (!own_law && closed < least_closed_if_odd &&
+      !(law && closed_in(without(part.observables, law->effect->observables)) >= least_closed_if_odd))
     return {};
-  const Eigen::VectorXd others = Eigen::VectorXd::Ones(own.size()) - only_of(model.explains, ground_.battery);
+  if (law && closed_in(law->effect->observables) < least_part_closed) return {};
+  const Eigen::VectorXd others =
+      Eigen::VectorXd::Ones(model.z.size()) - only_of(model.explains, ground_.battery);
   const Eigen::VectorXd elsewhere = in_larger_units(*model.standard, *plain.standard).cwiseProduct(others);
   if (gap_of(model.z.cwiseProduct(elsewhere)) > grown * gap_of(before.z.cwiseProduct(others))) return {};
-  if (closed_by_rival(before, scan, model, observables) > closed - ahead) return {};
+  // One that does not last would take those with it that are named before and after.
+  if (closes_too_little(gap_closed(model, plain, *ground_.real.values, ground_.battery), model, plain))
+    return {};
+  if (closed_by_rival(before, part, law, model) > closed - ahead) return {};
   return std::move(model);
 }
 
@@ -432,37 +512,47 @@ const Scan& Search::scan_of(const std::string& name) const {
                        [&](const Scan& one) { return one.effect->name == name; });
 }
 
-/// With the scan's effect on top, for these observables as well: one model or none.
-std::vector<Model> Search::fit_in_part(const Model& before, const Scan& scan, const PartMatch& match,
-                                       const std::vector<std::string>& observables) {
+/// With the part's effect on top, and a law beside it or none, for their observables as well: one model or
+/// none.
+std::vector<Model> Search::fit_in_part(const Model& before, const Part& part, const Scan* law) {
+  Model model = before.effects.empty() ? before.unjudged() : only(before, before.effects);
+  std::vector<std::string> explains = before.explains;
+  const auto explain = [&](const std::vector<std::string>& more) {
+    for (const std::string& one : without(more, explains)) explains.push_back(one);
+  };
+  if (law) {
+    const std::vector<std::string>& own = law->effect->observables;
+    const ScanViews left = less(seen_, part.scan, part.match.best);
+    model = with(model, *law, match_part(*law, only_of(own, ground_.battery), left).best);
+    explain(own);
+  }
+  model = with(model, part.scan, part.match.best);
+  explain(part.observables);
+  model.explains = std::move(explains);
   std::vector<Contender> contenders;
-  Model model = before.effects.empty() ? with(before, scan, match.best)
-                                       : with(only(before, before.effects), scan, match.best);
-  model.explains = before.explains;
-  model.explains.insert(model.explains.end(), observables.begin(), observables.end());
-  contenders.push_back({title(model) + ", in part", std::move(model), scan.best().log_likelihood});
+  contenders.push_back({title(model) + ", in part", std::move(model), part.scan.best().log_likelihood});
   return fit_and_judge(std::move(contenders), 0.95, 1);
 }
 
-/// What the other effect that the scan finds most of in these observables closes of their gap. Nothing, in
-/// frames without atoms, if it is far less likely all in all: what it does elsewhere is not there.
-double Search::closed_by_rival(const Model& before, const Scan& scan, const Model& model,
-                               const std::vector<std::string>& observables) {
+/// What the other effect that the scan finds most of in the part's observables closes of their gap. Nothing,
+/// in frames without atoms, if it is far less likely all in all: what it does elsewhere is not there.
+double Search::closed_by_rival(const Model& before, const Part& part, const Scan* law, const Model& model) {
   constexpr double far_less = 30;  // of the logarithmic likelihood
-  const Eigen::VectorXd own = only_of(observables, ground_.battery);
+  const Eigen::VectorXd own = only_of(part.observables, ground_.battery);
   const Scan* rival = nullptr;
   PartMatch best;
   for (const Scan& other : scans_)
-    if (PartMatch match = match_part(other, own, seen_);
-        &other != &scan && !before.has(other.effect->name) && match.share > best.share) {
+    if (PartMatch match = match_part(other, own, seen_); &other != &part.scan && &other != law &&
+                                                         !before.has(other.effect->name) &&
+                                                         match.share > best.share) {
       rival = &other;
       best = std::move(match);
     }
   if (!rival) return 0;
-  const std::vector<Model> judged = fit_in_part(before, *rival, best, observables);
+  const std::vector<Model> judged = fit_in_part(before, {*rival, std::move(best), part.observables}, law);
   if (judged.empty()) return 0;
   if (!atoms() && judged.front().log_likelihood < model.log_likelihood - far_less) return 0;
-  return closed_by(judged.front(), ground_.plain, ground_.battery, observables);
+  return closed_by(judged.front(), ground_.plain, ground_.battery, part.observables);
 }
 
 }  // namespace atomcam

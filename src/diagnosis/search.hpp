@@ -66,13 +66,20 @@ class Search {
   const Scan& scan_of(const std::string& name) const;
   std::vector<Model> fit_and_judge(std::vector<Contender> contenders, double from, double to,
                                    const Before& before = {});
-  std::optional<Model> with_part(const Model& before, const Scan& scan);
-  std::vector<Model> fit_in_part(const Model& before, const Scan& scan, const PartMatch& match,
-                                 const std::vector<std::string>& observables);
+  /// What an effect is to explain by itself, and about which parameters.
+  struct Part {
+    const Scan& scan;
+    PartMatch match;
+    std::vector<std::string> observables;
+  };
+  bool shows(const Scan& law) const;
+  std::optional<PartMatch> match_part_of_gap(const Model& before, const Scan& scan, const Scan* law,
+                                             const std::vector<std::string>& observables) const;
+  std::optional<Model> with_part(const Model& before, const Scan& scan, const Scan* law);
+  std::vector<Model> fit_in_part(const Model& before, const Part& part, const Scan* law);
   void add_starts_of_shaking(std::vector<Contender>& contenders);
   const std::array<double, zernike_terms>& moving_zernikes();
-  double closed_by_rival(const Model& before, const Scan& scan, const Model& model,
-                         const std::vector<std::string>& observables);
+  double closed_by_rival(const Model& before, const Part& part, const Scan* law, const Model& model);
   Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about);
   Model only(const Model& model, const std::vector<std::string>& names) const;
   bool likelier(const Model& model, const Model& fewer) const;

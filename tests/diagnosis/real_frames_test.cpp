@@ -126,5 +126,38 @@ TEST(RealFrames, TwoEffectsAmongOthersAreNamedEachForItsOwnObservables) {
   EXPECT_TRUE(found.unexplained.present);
 }
 
+// Hot pixels change the histogram that charge born in the register changes too: neither explains it alone.
+TEST(RealFrames, HotPixelsPlantedIntoThemAreNamedBesideTheCamerasOwnEffect) {
+  const char* data = std::getenv("ATOMCAM_DATA");
+  if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
+  constexpr double fraction = 0.003, electrons = 5, counts_per_electron = 10.3;
+  std::vector<CountImage> frames = middle_of_the_dark_frames(data);
+  RandomStream random(5, stream_id("planted"), 0, 0);
+  const CountImage& any = frames.front();
+  std::vector<std::pair<int, int>> hot;
+  for (int row = 0; row < any.rows(); ++row)
+    for (int column = 0; column < any.columns(); ++column)
+      if (random.uniform() < fraction) hot.emplace_back(row, column);
+  for (CountImage& frame : frames)
+    for (const auto& [row, column] : hot) {
+      const auto born = static_cast<double>(sample_poisson(random, electrons));
+      if (born > 0) frame(row, column) += std::lround(counts_per_electron * sample_gamma(random, born));
+    }
+  DiagnosisOptions options;
+  options.threads = 2;
+  options.include = {"hot_pixels", "dual_adc_peaks", "serial_cic"};
+  const Diagnosis found =
+      diagnose(notes_of_the_dark_frames(), FramesInMemory(std::move(frames)), nullptr, options);
+  EXPECT_EQ(found.verdict, Verdict::partly_explained) << found.sentence;
+  ASSERT_EQ(found.effects.size(), 2) << found.sentence;
+  for (const FoundEffect& one : found.effects) {
+    ASSERT_TRUE(one.name == "serial_cic" || one.name == "hot_pixels") << found.sentence;
+    if (one.name == "serial_cic")
+      EXPECT_NEAR(one.parameters[0].value, 1, 0.2);
+    else
+      EXPECT_NEAR(std::log(one.parameters[0].value / fraction), 0, 1);
+  }
+}
+
 }  // namespace
 }  // namespace atomcam

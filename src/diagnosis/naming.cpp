@@ -25,6 +25,7 @@ constexpr double as_it_was = 0.8;              // what is left of one from the p
 constexpr double least_evidence = 4;           // log likelihood: a little scatter hides a small gap, too
 constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model alone, of one beside it
 constexpr double hardly_any = 0.04;            // part of a model's own stacks
+constexpr double shows = 0.9;                  // part of the plain model's stacks that have less
 
 /// The observable in which a model has its largest gap.
 std::string most_missed(const Model& model, const std::vector<StatisticDeclaration>& battery) {
@@ -170,6 +171,17 @@ std::string Naming::not_seen(const Model& model) const {
   return "";
 }
 
+/// Fringes between sites that stand some fringes apart make each as bright as chance has it: so does whatever
+/// else makes sites differ.
+std::string Naming::not_known(const Model& model) const {
+  for (const std::string& effect : model.effects) {
+    const std::vector<std::string>& by = find_effect(effect)->known_by;
+    if (!by.empty() && below(model, by).without < shows)
+      return fmt::format("{} is known by {}, which shows nothing", effect, fmt::join(by, ", "));
+  }
+  return "";
+}
+
 /// Clearly so; or a parameter is at its end, and the frames show more of the effect than its stacks do.
 std::string Naming::wanted_more_of(const Model& model) const {
   if (const std::string beyond = beyond_its_law(model); !beyond.empty()) return beyond;
@@ -255,7 +267,8 @@ std::optional<Named> Naming::choose(std::span<Model> models) const {
   std::vector<Model*> passed;
   for (Model& model : models)
     if (passes(model)) passed.push_back(&model);
-  if (passed.empty()) return {};
+  if (std::all_of(passed.begin(), passed.end(), [&](const Model* one) { return !not_known(*one).empty(); }))
+    return {};
   for (Model& model : models)
     if (!passes(model) && competes(model)) passed.push_back(&model);
   return choose_among(std::move(passed));
@@ -312,7 +325,7 @@ std::vector<double> Naming::odds_among(const std::vector<Model*>& models) const 
 std::optional<Named> Naming::nearest(std::span<Model> models) const {
   if (models.empty()) return {};
   Model& best = likeliest(models);
-  if (!takes_nearly_all(best)) return {};
+  if (!takes_nearly_all(best) || !not_known(best).empty()) return {};
   if (best.p_value < hardly_ever)
     return Named{&best, Verdict::partly_explained, 0.5 + 0.5 * closed_by(best), {}};
   std::vector<Model*> hardly_odd;

@@ -460,6 +460,7 @@ void Search::note(const Model& model, double evidence) {
   one.p_value = model.p_value;
   one.closed = closed_by(model, ground_.plain, ground_.battery);
   one.why_not = naming_.objection(model);
+  if (one.why_not.empty()) one.why_not = naming_.not_known(model);
   one.not_seen = !naming_.not_seen(model).empty();
   hypotheses.push_back(std::move(one));
 }

@@ -98,6 +98,9 @@ struct EffectDeclaration {
   std::vector<std::string> observables;          // names of base/observable.hpp it moves
   /// Nothing else moves these as it does: it may be named for them alone, whatever else is odd.
   bool own_law = false;
+  /// Of its observables those without which it is not known: in the others it does what anything could, and
+  /// it is not named for them alone.
+  std::vector<std::string> known_by = {};
   bool emccd = true;  // cameras it makes sense on
   bool qcmos = true;
   bool acts_on_light = false;  // also, beside its own plane: apply_to_light

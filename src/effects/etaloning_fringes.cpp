@@ -58,6 +58,7 @@ EffectDeclaration etaloning_fringes() {
                       .scale = ParameterScale::logarithmic,
                       .meaning = "Mean distance of the fringes."}},
       .observables = {"mean_map", "site_brightness"},
+      .known_by = {"mean_map"},  // sites some fringes apart are as bright as chance has it
       .emccd = true,
       .qcmos = true,
       .make = make_effect<EtaloningFringes>};

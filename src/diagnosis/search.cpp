@@ -289,9 +289,14 @@ std::optional<Found> Search::in_part() {
   return found(Named{&*model, Verdict::partly_explained, 0.5 + 0.5 * closed, {}});
 }
 
+PartMatch Search::match_in(const std::vector<std::string>& observables, const Scan& scan,
+                           const ScanViews& real) const {
+  return match_part(scan, only_of(observables, ground_.battery), real);
+}
+
 /// Whether the scan finds some of a law in its observables.
 bool Search::shows(const Scan& law) const {
-  return match_part(law, only_of(law.effect->observables, ground_.battery), seen_).share >= law_shows;
+  return match_in(law.effect->observables, law, seen_).share >= law_shows;
 }
 
 /// About which parameters the scan finds the effect in these observables, if there is much odd in them and it
@@ -305,16 +310,13 @@ std::optional<PartMatch> Search::match_part_of_gap(const Model& before, const Sc
   const auto is_odd = [&](const std::vector<std::string>& list, double least) {
     return !list.empty() && gap_of(before.z.cwiseProduct(only_of(list, ground_.battery))) >= least;
   };
-  const auto match = [&](const Scan& one, const std::vector<std::string>& list, const ScanViews& real) {
-    return match_part(one, only_of(list, ground_.battery), real);
-  };
   const std::vector<std::string> alone = law ? without(observables, law->effect->observables) : observables;
   std::optional<PartMatch> found;
   if (is_odd(alone, own_law ? least_gap : larger_gap)) {
-    found = match(scan, alone, seen_);
+    found = match_in(alone, scan, seen_);
   } else if (law && is_odd(observables, least_gap)) {
-    const ScanViews left = less(seen_, *law, match(*law, law->effect->observables, seen_).best);
-    found = match(scan, observables, left);
+    const ScanViews left = less(seen_, *law, match_in(law->effect->observables, *law, seen_).best);
+    found = match_in(observables, scan, left);
   }
   if (found && found->share < (own_law && !atoms() ? law_shows : promising)) return {};
   return found;
@@ -524,7 +526,7 @@ std::vector<Model> Search::fit_in_part(const Model& before, const Part& part, co
   if (law) {
     const std::vector<std::string>& own = law->effect->observables;
     const ScanViews left = less(seen_, part.scan, part.match.best);
-    model = with(model, *law, match_part(*law, only_of(own, ground_.battery), left).best);
+    model = with(model, *law, match_in(own, *law, left).best);
     explain(own);
   }
   model = with(model, part.scan, part.match.best);
@@ -539,13 +541,12 @@ std::vector<Model> Search::fit_in_part(const Model& before, const Part& part, co
 /// in frames without atoms, if it is far less likely all in all: what it does elsewhere is not there.
 double Search::closed_by_rival(const Model& before, const Part& part, const Scan* law, const Model& model) {
   constexpr double far_less = 30;  // of the logarithmic likelihood
-  const Eigen::VectorXd own = only_of(part.observables, ground_.battery);
   const Scan* rival = nullptr;
   PartMatch best;
   for (const Scan& other : scans_)
-    if (PartMatch match = match_part(other, own, seen_); &other != &part.scan && &other != law &&
-                                                         !before.has(other.effect->name) &&
-                                                         match.share > best.share) {
+    if (PartMatch match = match_in(part.observables, other, seen_); &other != &part.scan && &other != law &&
+                                                                    !before.has(other.effect->name) &&
+                                                                    match.share > best.share) {
       rival = &other;
       best = std::move(match);
     }

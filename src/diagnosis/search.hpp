@@ -72,6 +72,8 @@ class Search {
     PartMatch match;
     std::vector<std::string> observables;
   };
+  PartMatch match_in(const std::vector<std::string>& observables, const Scan& scan,
+                     const ScanViews& real) const;
   bool shows(const Scan& law) const;
   std::optional<PartMatch> match_part_of_gap(const Model& before, const Scan& scan, const Scan* law,
                                              const std::vector<std::string>& observables) const;

@@ -251,6 +251,27 @@ bool is_smear(const StatisticDeclaration& one) {
   return one.observable == "column_smear";
 }
 
+/// So strong that it changes images and histograms as well: above and below, not to the left and right.
+bool charge_smears(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.25, across = 0.5;
+  const auto far = [&](std::string_view way) { return deviation_of(way, battery, z); };
+  const double along = std::min(far("light.far_light.up"), far("light.far_light.down"));
+  return along > std::max(clear, beside * z.cwiseAbs().maxCoeff()) &&
+         std::max(std::fabs(far("light.far_light.left")), std::fabs(far("light.far_light.right"))) <
+             across * along;
+}
+
+/// A wave across the mean of the frames with the shutter open, and not with it closed: light that interferes.
+/// The sites' brightness follows, and may be odder.
+bool light_waves(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 6, beside = 0.35, quiet = 4;
+  const auto wave = [&](bool darks) {
+    return largest(battery, z,
+                   [&](const auto& one) { return one.darks == darks && has(one, ".static_offsets.peak_"); });
+  };
+  return wave(true) < quiet && wave(false) > std::max(clear, beside * z.cwiseAbs().maxCoeff());
+}
+
 /// What an image is around a site, far more than anything else: the shape itself, not where it is nor the
 /// charge that trails behind it. Where nothing is as odd as the shape, the sites' brightness may follow, and
 /// the lines that answer to it.
@@ -321,8 +342,10 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
     return "optics";
   if (foremost(battery, z, is_loading) || foremost(battery, z, is_loading_along_the_stack, 4.5))
     return "scene";
-  if (foremost(battery, z, is_smear) || light_is_too_calm(battery, z) || pixels_answer_otherwise(battery, z))
+  if (foremost(battery, z, is_smear) || charge_smears(battery, z) || light_is_too_calm(battery, z) ||
+      pixels_answer_otherwise(battery, z))
     return "sensor";
+  if (both && light_waves(battery, z)) return "optics";
   if (empty_sites_glow(battery, z)) return sites_remember(battery, z) ? "sensor" : "optics";  // traps' light
   if (images_change_shape(battery, z) || light_reaches_far(battery, z)) return "optics";
   if (const std::string_view stage = stage_of_moving_images(battery, z); !stage.empty())

@@ -263,6 +263,38 @@ TEST(Stages, LightAboveAndBelowSitesIsTheSensors) {
   EXPECT_EQ(stage(7, 6), "optics");
 }
 
+TEST(Stages, AWaveAcrossTheMeanInLightOnlyIsOfTheOptics) {
+  const std::vector<StatisticDeclaration> waves = {
+      {"light.sites.by_site.highest", "site_brightness", "site", "occupied sites", false},
+      {"light.sites.by_site.spread", "site_brightness", "site", "occupied sites", false},
+      {"light.static_offsets.peak_oblique", "mean_map", "frequency", "whole frame", false},
+      {"dark.static_offsets.peak_oblique", "mean_map", "frequency", "whole frame", true}};
+  const auto stage = [&](double sites, double wave, double darks) {
+    return stage_of_differences(waves, Eigen::Vector4d(sites, sites, wave, darks), {});
+  };
+  EXPECT_EQ(stage(9, 8, 2), "optics");
+  EXPECT_EQ(stage(20, 8, 2), "optics");
+  EXPECT_EQ(stage(30, 8, 2), "scene");  // the sites' brightness is far odder
+  EXPECT_EQ(stage(7, 5.8, 2), "scene");
+  EXPECT_EQ(stage(9, 8, 8), "sensor");  // also with the shutter closed
+}
+
+TEST(Stages, ImagesThatStrongSmearWidensAreTheSensors) {
+  const std::vector<StatisticDeclaration> columns = {
+      {"light.point_spread.width_y.mean", "point_spread_width", "shape", "all sites", false},
+      {"light.far_light.up", "column_smear", "space", "columns", false},
+      {"light.far_light.down", "column_smear", "space", "columns", false},
+      {"light.far_light.left", "trailing_charge", "space", "rows", false},
+      {"light.static_offsets.saddle", "mean_map", "space", "whole frame", false}};
+  const auto stage = [&](double up, double down, double left) {
+    return stage_of_differences(columns, Eigen::Vector<double, 5>(57, up, down, left, 18), {});
+  };
+  EXPECT_EQ(stage(20, 17, 1), "sensor");
+  EXPECT_EQ(stage(20, 1, 1), "optics");    // on one side only
+  EXPECT_EQ(stage(20, 17, 15), "optics");  // a halo
+  EXPECT_EQ(stage(12, 11, 1), "optics");   // the images' shape is far odder
+}
+
 TEST(Stages, ImagesThatAreDisplacedButNoWiderAreOfAtomsElsewhere) {
   const std::vector<StatisticDeclaration> images = {
       {"light.point_spread.x.spread", "point_spread_field", "shape", "all sites", false},

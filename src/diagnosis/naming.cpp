@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <string_view>
 #include <vector>
 
 #include "base/quantile.hpp"
@@ -154,9 +155,12 @@ Naming::Below Naming::below(const Model& model, const std::vector<std::string>& 
 }
 
 /// What scatters widely (a brightness that drifts) may have the frames among its stacks for what these do
-/// elsewhere: a drift that no frame shows is none. Of one observable alone the more must be clear.
+/// elsewhere: a drift that no frame shows is none. Of one observable alone the more must be clear. The width
+/// of images is no such one: aberrations that the frames were calibrated to hide all of it, a model's stacks
+/// are not calibrated each.
 std::string Naming::not_seen(const Model& model) const {
   constexpr double as_without = 0.99, times_more = 6, clearly_none = 0.02;
+  constexpr std::string_view calibrated = "point_spread_width";
   if (!model.explains.empty()) return "";
   const auto missing = [&](const std::vector<std::string>& observables, double few) {
     const Below below = this->below(model, observables);
@@ -166,7 +170,8 @@ std::string Naming::not_seen(const Model& model) const {
     const std::vector<std::string> all = observables_of({effect});
     if (missing(all, hardly_any)) return fmt::format("{} would show in {}", effect, fmt::join(all, ", "));
     for (const std::string& one : all)
-      if (missing({one}, clearly_none)) return fmt::format("{} would show in {}", effect, one);
+      if (one != calibrated && missing({one}, clearly_none))
+        return fmt::format("{} would show in {}", effect, one);
   }
   return "";
 }

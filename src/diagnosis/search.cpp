@@ -167,10 +167,10 @@ std::vector<Contender> Search::starts() {
 /// One effect, two or three that explain all that is odd: more only where fewer do not.
 std::optional<Found> Search::whole() {
   std::vector<Model> singles = fit_and_judge(starts(), 0.58, 0.75);
-  if (const auto named = naming_.choose(singles)) return found(named);
+  if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
   for (Model& model : fit_and_judge(overlooked(), 0.75, 0.8, {.as_many = nearest_of(singles)}))
     singles.push_back(std::move(model));
-  if (const auto named = naming_.choose(singles)) return found(named);
+  if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
   if (singles.empty()) return {};
   Pairs pairs = this->pairs(singles);
   if (const auto named = naming_.choose(pairs.both_needed)) return found(named);
@@ -188,6 +188,37 @@ std::optional<Found> Search::whole() {
   for (auto* models : {&singles, &pairs.both_needed, &more})
     for (Model& model : *models) all.push_back(std::move(model));
   return found(naming_.nearest(all));
+}
+
+/// One effect explains the frames: a strong one may leave too little of a weak one to be odd, and still
+/// enough to know it by.
+std::optional<Found> Search::with_what_it_hides(const Named& named) {
+  constexpr std::size_t most = 2;
+  const Model& one = *named.model;
+  std::vector<Contender> candidates;
+  if (named.verdict == Verdict::explained) candidates = with_another(one, most);
+  if (candidates.empty()) return found(named);
+  std::vector<Model> both = fit_and_judge(std::move(candidates), 0.75, 0.95, {.fewer = one.distance});
+  const Eigen::VectorXd statistics = as_vector(ground_.real.values->whole);
+  std::erase_if(both, [&](const Model& pair) {
+    const bool better = likelier(pair, one) || discriminant_odds(pair, one, statistics) > more_odds;
+    return !better || significant(pair).size() < pair.effects.size();
+  });
+  const auto pair = naming_.choose(both);
+  return found(pair ? *pair : named);
+}
+
+/// The model with one more effect that speaks for itself in what it leaves, the most promising first.
+std::vector<Contender> Search::with_another(const Model& model, std::size_t most) {
+  std::vector<Contender> candidates;
+  for (const AddedMatch& another :
+       match_added(scans_, model, *ground_.plain.standard, seen_, ground_.plan.threads)) {
+    if (candidates.size() == most || another.gain < second_evidence) break;
+    const Scan& scan = scans_[another.scan];
+    candidates.push_back({title(model) + " + " + scan.effect->name,
+                          with(only(model, model.effects), scan, another.best), another.gain});
+  }
+  return candidates;
 }
 
 /// Pairs whose fingerprints add up best to the real one, really simulated.
@@ -225,17 +256,9 @@ Search::Pairs Search::pairs(std::span<Model> singles) {
 /// all the same the three: strengths of what is few and large or many and small are not known well.
 std::vector<Model> Search::triples(const Model& pair) {
   constexpr std::size_t most = 2;
-  std::vector<Contender> candidates;
-  for (const AddedMatch& third :
-       match_added(scans_, pair, *ground_.plain.standard, seen_, ground_.plan.threads)) {
-    if (candidates.size() == most || third.gain < second_evidence) break;
-    const Scan& scan = scans_[third.scan];
-    candidates.push_back({title(pair) + " + " + scan.effect->name,
-                          with(only(pair, pair.effects), scan, third.best), third.gain});
-  }
   std::vector<Model> list, undecided;
   std::vector<Contender> fewer;
-  for (Model& model : fit_and_judge(std::move(candidates), 0.95, 0.98, {.fewer = pair.distance})) {
+  for (Model& model : fit_and_judge(with_another(pair, most), 0.95, 0.98, {.fewer = pair.distance})) {
     const bool better = likelier(model, pair);
     const std::vector<std::string> needed = significant(model);
     if (needed.size() == model.effects.size()) {

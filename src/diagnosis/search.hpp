@@ -48,6 +48,8 @@ class Search {
 
  private:
   std::optional<Found> whole();
+  std::optional<Found> with_what_it_hides(const Named& named);
+  std::vector<Contender> with_another(const Model& model, std::size_t most);
   struct Pairs {
     std::vector<Model> both_needed, undecided;
     std::vector<Contender> needed_alone;  // one of two, about where the pair has it

@@ -2,9 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
+
 #include "base/error.hpp"
 #include "calibration/notes.hpp"
 #include "diagnosis/blind.hpp"
+#include "diagnosis/contenders.hpp"
 #include "diagnosis/population.hpp"
 #include "effects/effect.hpp"
 #include "support/temporary_folder.hpp"
@@ -12,10 +16,11 @@
 namespace atomcam {
 namespace {
 
-/// A small stack with one effect (or none), and what a diagnosis says of it.
+/// A small stack with one effect (or none) and others beside it, and what a diagnosis says of it.
 class Case {
  public:
-  explicit Case(const std::string& effect, double strength = 3) {
+  explicit Case(const std::string& effect, double strength = 3,
+                const std::map<std::string, ParameterValues>& others = {}) {
     BlindOptions options;
     options.rows = options.columns = 64;
     options.seed = 5;
@@ -23,7 +28,8 @@ class Case {
     options.pair_share = 0;
     options.weakest = options.strongest = strength;
     if (!effect.empty()) options.effects = {effect};
-    const BlindStack stack = make_blind_stack(options, 3);
+    BlindStack stack = make_blind_stack(options, 3);
+    for (const auto& [name, values] : others) stack.lab.effects[name] = values;
     StackPlan plan;
     plan.frames = 120;
     plan.dark_frames = 60;
@@ -78,6 +84,22 @@ TEST(Diagnose, AnEffectOfTheSceneIsFound) {
   EXPECT_EQ(found.verdict, Verdict::explained) << found.sentence;
   ASSERT_EQ(found.effects.size(), 1) << found.sentence;
   EXPECT_EQ(found.effects[0].name, "site_brightness_spread");
+}
+
+TEST(Diagnose, AWeakEffectIsNamedBesideAStrongOneThatLeavesNothingOdd) {
+  const Diagnosis found = Case("row_noise", 3, {{"scatter_halo", {0.14, 12}}})
+                              .diagnose({"row_noise", "scatter_halo", "hot_pixels"});
+  EXPECT_EQ(found.verdict, Verdict::explained) << found.sentence;
+  ASSERT_EQ(found.effects.size(), 2) << found.sentence;
+  EXPECT_EQ(found.effects[0].name, "row_noise");
+  EXPECT_EQ(found.effects[1].name, "scatter_halo");
+  // The strong one explains the frames alone.
+  const auto alone =
+      std::find_if(found.hypotheses.begin(), found.hypotheses.end(), [](const Hypothesis& one) {
+        return one.effects == std::vector<std::string>{"row_noise"} && one.p_value >= 0;
+      });
+  ASSERT_NE(alone, found.hypotheses.end());
+  EXPECT_GE(alone->p_value, reject_level);
 }
 
 TEST(Diagnose, AnEffectIsNamedForItsOwnObservablesWhereAnotherIsNotKnown) {

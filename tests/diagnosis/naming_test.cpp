@@ -210,6 +210,15 @@ TEST_F(Naming, NothingInOneOfItsObservablesIsEnoughIfAllItsStacksShowSomething) 
   EXPECT_TRUE(naming.passes(found)) << naming.objection(found);
 }
 
+// An image that drifts is wider on the mean, which passes for defocus.
+TEST_F(Naming, WhatTheFramesWereCalibratedToIsNotMissing) {
+  const atomcam::Naming naming = naming_by_observable("centroid_series", "point_spread_width");
+  calm_the_rest();
+  Model found = model({"pointing_drift"}, 1, 0.5);
+  found.from_plain.rightCols(moved).array() += 5;
+  EXPECT_TRUE(naming.passes(found)) << naming.objection(found);
+}
+
 // A drift that passes for noise that forgets as slowly as it can shows more than such noise does.
 TEST_F(Naming, AtTheEndOfItsLawAnEffectShowsAsMuchAsTheFramesDo) {
   const atomcam::Naming naming = naming_by_observable();

@@ -21,7 +21,6 @@ namespace {
 constexpr double hardly_ever = 0.001;          // p-value of a model that nothing can be added to
 constexpr double odd = 0.05;                   // p-value of frames that a model fits none too well
 constexpr double least_closed_else = 0.95;     // of the gap, by an effect that frames are odd under, or two
-constexpr double clear_difference = 5.5;       // deviations from a model that nobody's camera explains
 constexpr double as_it_was = 0.8;              // what is left of one from the plain model, in its parts
 constexpr double least_evidence = 4;           // log likelihood: a little scatter hides a small gap, too
 constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model alone, of one beside it
@@ -62,10 +61,10 @@ double shown_in(const Eigen::VectorXd& z) {
 
 }  // namespace
 
-double clear_difference_of(const Eigen::MatrixXd& own) {
+double clear_difference_of(const Eigen::MatrixXd& own, double least) {
   std::vector<double> largest;
   for (const auto& stack : own.rowwise()) largest.push_back(stack.cwiseAbs().maxCoeff());
-  return std::max(clear_difference, median(std::move(largest)));
+  return std::max(least, median(std::move(largest)));
 }
 
 bool odd_under(const Model& model) {
@@ -255,6 +254,7 @@ bool Naming::competes(const Model& model) const {
 /// In an observable that the effects are to change, what is now too much where there was too little is
 /// another law of theirs: how odd the frames are with it, the p-value says.
 Eigen::Index Naming::largest_as_it_was(const Model& model) const {
+  const double least = odd_under(model) ? clear_if_odd : clear_difference;
   const Standard &plain = *plain_.standard, &own = *model.standard;
   const Eigen::VectorXd allowed = model.with_undrawn(plain.discrepancy());
   const Eigen::ArrayXd left = tolerated(model.z, own.deviation(), allowed).array().abs();
@@ -262,7 +262,7 @@ Eigen::Index Naming::largest_as_it_was(const Model& model) const {
                        after = model.z.cwiseProduct(own.deviation()).array(),
                        theirs = only_of(observables_of(model.effects), battery_).array();
   const Eigen::Array<bool, Eigen::Dynamic, 1> counts =
-      plain.deviation().array() > 0 && left > clear_difference_of(own.own()) &&
+      plain.deviation().array() > 0 && left > clear_difference_of(own.own(), least) &&
       after.abs() > as_it_was * before.abs() && (theirs == 0 || after * before > 0);
   Eigen::Index at = 0;
   return counts.select(left, -1).maxCoeff(&at) > 0 ? at : -1;

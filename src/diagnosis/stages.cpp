@@ -261,6 +261,20 @@ bool charge_smears(const std::vector<StatisticDeclaration>& battery, const Eigen
              across * along;
 }
 
+/// Pixels that differ in the mean of the frames with the shutter open, and not with it closed, each from its
+/// neighbours as much as from others: no light is as fine as that.
+bool pixels_differ_in_light(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 6, beside = 0.5, quiet = 4, alike = 0.3;
+  const auto spread = [&](std::string_view offsets, std::string_view charge) {
+    return std::max(deviation_of(offsets, battery, z), deviation_of(charge, battery, z));
+  };
+  const double lit = spread("light.static_offsets.spread", "light.static_charge.spread");
+  const double neighbours = std::max(deviation_of("light.static_offsets.neighbours.right_1", battery, z),
+                                     deviation_of("light.static_offsets.neighbours.down_1", battery, z));
+  return spread("dark.static_offsets.spread", "dark.static_charge.spread") < quiet &&
+         lit > std::max(clear, beside * z.cwiseAbs().maxCoeff()) && neighbours < alike * lit;
+}
+
 /// A wave across the mean of the frames with the shutter open, and not with it closed: light that interferes.
 /// The sites' brightness follows, and may be odder.
 bool light_waves(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
@@ -345,6 +359,7 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   if (foremost(battery, z, is_smear) || charge_smears(battery, z) || light_is_too_calm(battery, z) ||
       pixels_answer_otherwise(battery, z))
     return "sensor";
+  if (both && pixels_differ_in_light(battery, z)) return "sensor";
   if (both && light_waves(battery, z)) return "optics";
   if (empty_sites_glow(battery, z)) return sites_remember(battery, z) ? "sensor" : "optics";  // traps' light
   if (images_change_shape(battery, z) || light_reaches_far(battery, z)) return "optics";

@@ -59,6 +59,11 @@ class Naming : public testing::Test {
     wide.log_likelihood = 6;
     return wide;
   }
+  /// A statistic of the rest is so far off with the plain model and as far with this one.
+  double clear_with(const Model& model, double z) {
+    plain_.z(moved) = z * model.standard->deviation()(moved) / plain_.standard->deviation()(moved);
+    return z;
+  }
   /// The frames are as usual in the rest.
   void calm_the_rest() { plain_.z.tail(statistics - moved).setConstant(1); }
   /// What the frames have far off is an observable.
@@ -268,6 +273,13 @@ TEST_F(Naming, WhatDoesNotPassIsToldWhy) {
   EXPECT_TRUE(objection(0.83, 0.5).starts_with("closes 8")) << objection(0.83, 0.5);
   EXPECT_TRUE(objection(1, 0.008).starts_with("leaves ")) << objection(1, 0.008);
   EXPECT_TRUE(objection(0, 0.5).ends_with(" sigma, as it was")) << objection(0, 0.5);
+  // Less is enough to speak against what the frames are a little odd under.
+  Model found = model({"row_noise"}, 1, 0.03);
+  EXPECT_EQ(naming().objection(found), "");
+  found.z(moved) = clear_with(found, 5);
+  EXPECT_TRUE(naming().objection(found).ends_with(" sigma, as it was")) << naming().objection(found);
+  found.p_value = found.oddest = 0.3;
+  EXPECT_EQ(naming().objection(found), "");
 }
 
 // Hot pixels of another camera have other sizes: fewer small ones than the catalogue's law, not more.

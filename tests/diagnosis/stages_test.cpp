@@ -279,6 +279,21 @@ TEST(Stages, AWaveAcrossTheMeanInLightOnlyIsOfTheOptics) {
   EXPECT_EQ(stage(9, 8, 8), "sensor");  // also with the shutter closed
 }
 
+TEST(Stages, PixelsThatDifferFromTheirNeighboursInLightOnlyAreTheSensors) {
+  const std::vector<StatisticDeclaration> pixels = {
+      {"light.static_charge.spread", "mean_map", "space", "whole frame", false},
+      {"light.point_spread.misfit.wing", "point_spread_width", "shape", "all sites", false},
+      {"light.static_offsets.neighbours.down_1", "mean_map", "space", "whole frame", false},
+      {"dark.static_charge.spread", "mean_map", "space", "whole frame", true}};
+  const auto stage = [&](double spread, double images, double neighbours, double darks) {
+    return stage_of_differences(pixels, Eigen::Vector4d(spread, images, neighbours, darks), {});
+  };
+  EXPECT_EQ(stage(15, 20, 1, -4), "sensor");
+  EXPECT_EQ(stage(27, 29, -7, 0), "sensor");
+  EXPECT_EQ(stage(27, 29, 15, 0), "optics");  // a pattern of light
+  EXPECT_EQ(stage(9, 29, 1, 0), "optics");    // the images are far odder
+}
+
 TEST(Stages, ImagesThatStrongSmearWidensAreTheSensors) {
   const std::vector<StatisticDeclaration> columns = {
       {"light.point_spread.width_y.mean", "point_spread_width", "shape", "all sites", false},

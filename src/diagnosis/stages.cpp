@@ -264,7 +264,7 @@ bool charge_smears(const std::vector<StatisticDeclaration>& battery, const Eigen
 /// Pixels that differ in the mean of the frames with the shutter open, and not with it closed, each from its
 /// neighbours as much as from others: no light is as fine as that.
 bool pixels_differ_in_light(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 6, beside = 0.5, quiet = 4, alike = 0.3;
+  constexpr double clear = 6, beside = 0.4, quiet = 4, alike = 0.3;
   const auto spread = [&](std::string_view offsets, std::string_view charge) {
     return std::max(deviation_of(offsets, battery, z), deviation_of(charge, battery, z));
   };

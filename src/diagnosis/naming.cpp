@@ -21,6 +21,7 @@ namespace {
 constexpr double hardly_ever = 0.001;          // p-value of a model that nothing can be added to
 constexpr double odd = 0.05;                   // p-value of frames that a model fits none too well
 constexpr double least_closed_else = 0.95;     // of the gap, by an effect that frames are odd under, or two
+constexpr double clear_if_odd = 4.5;           // from one that the frames are a little odd under anyway
 constexpr double as_it_was = 0.8;              // what is left of one from the plain model, in its parts
 constexpr double least_evidence = 4;           // log likelihood: a little scatter hides a small gap, too
 constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model alone, of one beside it

@@ -49,7 +49,6 @@ bool closes_too_little(const GapClosed& held_out, const Model& found, const Mode
 std::vector<FoundEffect> found_effects(const Named& named);
 
 inline constexpr double clear_difference = 5.5;  // deviations from a model that nobody's camera explains
-inline constexpr double clear_if_odd = 4.5;      // from one that the frames are a little odd under anyway
 
 /// From where on a deviation is clear, whatever the p-value: `least` standard deviations, and more than what
 /// every other of a model's own stacks (a row each) has somewhere.

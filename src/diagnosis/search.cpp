@@ -38,6 +38,10 @@ std::vector<std::string> significant(const Model& model) {
   });
 }
 
+bool all_significant(const Model& model) {
+  return significant(model).size() == model.effects.size();
+}
+
 /// Every effect is there, however little is known of its strength.
 bool all_there(const Model& model) {
   constexpr double errors = 5;
@@ -198,11 +202,11 @@ std::optional<Found> Search::with_what_it_hides(const Named& named) {
   std::vector<Contender> candidates;
   if (named.verdict == Verdict::explained) candidates = with_another(one, most);
   if (candidates.empty()) return found(named);
-  std::vector<Model> both = fit_and_judge(std::move(candidates), 0.75, 0.95, {.fewer = one.distance});
+  std::vector<Model> both = fit_and_judge(std::move(candidates), 0.8, 0.95, {.fewer = one.distance});
   const Eigen::VectorXd statistics = as_vector(ground_.real.values->whole);
   std::erase_if(both, [&](const Model& pair) {
     const bool better = likelier(pair, one) || discriminant_odds(pair, one, statistics) > more_odds;
-    return !better || significant(pair).size() < pair.effects.size();
+    return !better || !all_significant(pair);
   });
   const auto pair = naming_.choose(both);
   return found(pair ? *pair : named);
@@ -270,7 +274,7 @@ std::vector<Model> Search::triples(const Model& pair) {
     }
   }
   for (Model& model : fit_and_judge(std::move(fewer), 0.98, 1))
-    if (significant(model).size() == model.effects.size()) list.push_back(std::move(model));
+    if (all_significant(model)) list.push_back(std::move(model));
   if (std::none_of(list.begin(), list.end(), [&](const Model& model) { return naming_.passes(model); }))
     for (Model& model : undecided) list.push_back(std::move(model));
   return list;

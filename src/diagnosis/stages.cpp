@@ -24,6 +24,11 @@ std::string stage_of_observable(std::string_view observable, bool darks) {
 
 namespace {
 
+/// Clear, and more than that part of the largest deviation of all.
+bool stands_out(double deviation, const Eigen::VectorXd& z, double clear, double beside) {
+  return deviation > std::max(clear, beside * z.cwiseAbs().maxCoeff());
+}
+
 /// Rows that vary from frame to frame with the shutter open but not with it closed: what reads them out is
 /// the same, so it is the light that flickers while the rows are exposed one after the other. Of the sites',
 /// too, where these go together along the rows: then less of it is clear.
@@ -32,8 +37,8 @@ bool light_flickers(const std::vector<StatisticDeclaration>& battery, const Eige
   const double clear = with_sites ? 5 : 8, quiet = 4;
   const auto rows = [](const StatisticDeclaration& one) { return has(one, ".lines.rows."); };
   return largest(battery, z, [&](const auto& one) { return one.darks && rows(one); }) < quiet &&
-         largest(battery, z, [&](const auto& one) { return !one.darks && rows(one); }) >
-             std::max(clear, 0.5 * z.cwiseAbs().maxCoeff());
+         stands_out(largest(battery, z, [&](const auto& one) { return !one.darks && rows(one); }), z, clear,
+                    0.5);
 }
 
 /// Mean and noise that slope across the frame with the shutter open, while the noise does not with it closed:
@@ -88,7 +93,7 @@ bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen
                           (std::fabs(drift) > 0.5 * level && noise_drift * drift > quiet * std::fabs(drift)),
              every_frame = of("light.frames.level.steps") > std::max(clear, 0.5 * level) &&
                            of("light.frames.level.largest") < quiet;
-  return level > std::max(clear, 0.4 * z.cwiseAbs().maxCoeff()) && (with_noise || every_frame) &&
+  return stands_out(level, z, clear, 0.4) && (with_noise || every_frame) &&
          largest(battery, z, [&](const auto& one) { return one.darks && has(one, ".frames."); }) < quiet;
 }
 
@@ -121,7 +126,7 @@ bool light_ripples(const std::vector<StatisticDeclaration>& battery, const Eigen
   const auto in_darks = [](const auto& one) {
     return one.darks && (has(one, ".neighbours.") || has(one, ".readout_spectrum.") || has(one, ".lines."));
   };
-  return std::min(far("right_3"), far("down_3")) > std::max(clear, 0.5 * z.cwiseAbs().maxCoeff()) &&
+  return stands_out(std::min(far("right_3"), far("down_3")), z, clear, 0.5) &&
          largest(battery, z, in_darks) < quiet;
 }
 
@@ -132,7 +137,7 @@ bool light_gathers(const std::vector<StatisticDeclaration>& battery, const Eigen
   const auto clusters = [&](bool darks) {
     return largest(battery, z, [&](const auto& one) { return one.darks == darks && has(one, ".clusters."); });
   };
-  return clusters(true) < quiet && clusters(false) > std::max(clear, beside * z.cwiseAbs().maxCoeff()) &&
+  return clusters(true) < quiet && stands_out(clusters(false), z, clear, beside) &&
          largest(battery, z, [](const auto& one) { return has(one, ".position."); }) < clear;
 }
 
@@ -196,7 +201,7 @@ template <class Counts>
 bool foremost(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
               const Counts& counts, double clear = 8) {
   constexpr double beside = 0.9;
-  return largest(battery, z, counts) > std::max(clear, beside * z.cwiseAbs().maxCoeff());
+  return stands_out(largest(battery, z, counts), z, clear, beside);
 }
 
 /// Empty sites that all hold some light, and nothing else nearly as odd. Atoms that come and go during an
@@ -235,14 +240,13 @@ bool light_is_too_calm(const std::vector<StatisticDeclaration>& battery, const E
   constexpr double clear = 6, beside = 0.5;
   const double calm = std::min(-deviation_of("light.image_noise.occupied.core", battery, z),
                                -deviation_of("light.sites.peak.variance_within_sites", battery, z));
-  return calm > std::max(clear, beside * z.cwiseAbs().maxCoeff());
+  return stands_out(calm, z, clear, beside);
 }
 
 /// Images of some sites in which one pixel answers otherwise than those around it: no lens does that.
 bool pixels_answer_otherwise(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, beside = 0.4;
-  return deviation_of("light.point_spread.pixels.loneliest", battery, z) >
-         std::max(clear, beside * z.cwiseAbs().maxCoeff());
+  return stands_out(deviation_of("light.point_spread.pixels.loneliest", battery, z), z, clear, beside);
 }
 
 /// Light far above and below the sites, in their columns: charge that is shifted while it is lit. The columns
@@ -254,11 +258,12 @@ bool is_smear(const StatisticDeclaration& one) {
 /// So strong that it changes images and histograms as well: above and below, not to the left and right.
 bool charge_smears(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, beside = 0.25, across = 0.5;
-  const auto far = [&](std::string_view way) { return deviation_of(way, battery, z); };
-  const double along = std::min(far("light.far_light.up"), far("light.far_light.down"));
-  return along > std::max(clear, beside * z.cwiseAbs().maxCoeff()) &&
-         std::max(std::fabs(far("light.far_light.left")), std::fabs(far("light.far_light.right"))) <
-             across * along;
+  const double along = std::min(deviation_of("light.far_light.up", battery, z),
+                                deviation_of("light.far_light.down", battery, z));
+  const double aside = largest(battery, z, [](const auto& one) {
+    return one.name == "light.far_light.left" || one.name == "light.far_light.right";
+  });
+  return stands_out(along, z, clear, beside) && aside < across * along;
 }
 
 /// Pixels that differ in the mean of the frames with the shutter open, and not with it closed, each from its
@@ -272,7 +277,7 @@ bool pixels_differ_in_light(const std::vector<StatisticDeclaration>& battery, co
   const double neighbours = std::max(deviation_of("light.static_offsets.neighbours.right_1", battery, z),
                                      deviation_of("light.static_offsets.neighbours.down_1", battery, z));
   return spread("dark.static_offsets.spread", "dark.static_charge.spread") < quiet &&
-         lit > std::max(clear, beside * z.cwiseAbs().maxCoeff()) && neighbours < alike * lit;
+         stands_out(lit, z, clear, beside) && neighbours < alike * lit;
 }
 
 /// A wave across the mean of the frames with the shutter open, and not with it closed: light that interferes.
@@ -283,7 +288,7 @@ bool light_waves(const std::vector<StatisticDeclaration>& battery, const Eigen::
     return largest(battery, z,
                    [&](const auto& one) { return one.darks == darks && has(one, ".static_offsets.peak_"); });
   };
-  return wave(true) < quiet && wave(false) > std::max(clear, beside * z.cwiseAbs().maxCoeff());
+  return wave(true) < quiet && stands_out(wave(false), z, clear, beside);
 }
 
 /// What an image is around a site, far more than anything else: the shape itself, not where it is nor the
@@ -357,9 +362,8 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   if (foremost(battery, z, is_loading) || foremost(battery, z, is_loading_along_the_stack, 4.5))
     return "scene";
   if (foremost(battery, z, is_smear) || charge_smears(battery, z) || light_is_too_calm(battery, z) ||
-      pixels_answer_otherwise(battery, z))
+      pixels_answer_otherwise(battery, z) || (both && pixels_differ_in_light(battery, z)))
     return "sensor";
-  if (both && pixels_differ_in_light(battery, z)) return "sensor";
   if (both && light_waves(battery, z)) return "optics";
   if (empty_sites_glow(battery, z)) return sites_remember(battery, z) ? "sensor" : "optics";  // traps' light
   if (images_change_shape(battery, z) || light_reaches_far(battery, z)) return "optics";

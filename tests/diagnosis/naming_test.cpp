@@ -59,10 +59,10 @@ class Naming : public testing::Test {
     wide.log_likelihood = 6;
     return wide;
   }
-  /// A statistic of the rest is so far off with the plain model and as far with this one.
-  double clear_with(const Model& model, double z) {
-    plain_.z(moved) = z * model.standard->deviation()(moved) / plain_.standard->deviation()(moved);
-    return z;
+  /// A statistic of the rest is as far off with the plain model as with this one.
+  void leave_as_it_was(const Model& model) {
+    plain_.z(moved) =
+        model.z(moved) * model.standard->deviation()(moved) / plain_.standard->deviation()(moved);
   }
   /// The frames are as usual in the rest.
   void calm_the_rest() { plain_.z.tail(statistics - moved).setConstant(1); }
@@ -276,7 +276,8 @@ TEST_F(Naming, WhatDoesNotPassIsToldWhy) {
   // Less is enough to speak against what the frames are a little odd under.
   Model found = model({"row_noise"}, 1, 0.03);
   EXPECT_EQ(naming().objection(found), "");
-  found.z(moved) = clear_with(found, 5);
+  found.z(moved) = 5;
+  leave_as_it_was(found);
   EXPECT_TRUE(naming().objection(found).ends_with(" sigma, as it was")) << naming().objection(found);
   found.p_value = found.oddest = 0.3;
   EXPECT_EQ(naming().objection(found), "");

@@ -108,6 +108,16 @@ bool all_light_changes(const std::vector<StatisticDeclaration>& battery, const E
   return sites > std::max(clear, beside * level) && level > no_less * sites;
 }
 
+/// The level away from the sites rises where these fade, and falls where they brighten: light that leaves the
+/// middle of their images for what is around them. Atoms that shine less leave less of it there, too.
+bool light_leaves_images(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 6, against = 4.5, beside = 0.4;
+  const double sites =
+      largest(battery, z, [](const auto& one) { return !one.darks && has(one, ".sites.common."); });
+  return stands_out(sites, z, clear, beside) &&
+         deviation_of("light.frames.level_against_light", battery, z) < -against;
+}
+
 /// How pixels go together with those on one side of them, with the shutter open.
 double neighbours_in_light(std::string_view where, std::string_view way,
                            const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
@@ -355,7 +365,7 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   }
   // What shows with the shutter closed is the sensor's.
   if (darks > 0.2 * all && darks > 1) return "sensor";
-  if (foremost(battery, z, is_far_halo)) return "optics";
+  if (foremost(battery, z, is_far_halo) || light_leaves_images(battery, z)) return "optics";
   if (both && light_flashes(battery, z)) return all_light_changes(battery, z) ? "sensor" : "optics";
   if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_ripples(battery, z)))
     return "optics";

@@ -310,6 +310,20 @@ TEST(Stages, ImagesThatStrongSmearWidensAreTheSensors) {
   EXPECT_EQ(stage(12, 11, 1), "optics");   // the images' shape is far odder
 }
 
+TEST(Stages, LightThatLeavesTheImagesForWhatIsAroundThemIsOfTheOptics) {
+  const std::vector<StatisticDeclaration> series = {
+      {"light.sites.common.trend", "brightness_series", "time", "occupied sites", false},
+      {"light.frames.level_against_light", "point_spread_halo", "intensity", "dark pixels", false},
+      {"light.temporal_maps.by_light.4", "variance_map", "intensity", "whole frame", false}};
+  const auto stage = [&](double sites, double level_against_light, double noise) {
+    return stage_of_differences(series, Eigen::Vector3d(sites, level_against_light, noise), {});
+  };
+  EXPECT_EQ(stage(-12, -5.2, 18), "optics");
+  EXPECT_EQ(stage(-12, 5.2, 5), "scene");    // the atoms shine less, all around
+  EXPECT_EQ(stage(-12, -3, 5), "scene");     // chance
+  EXPECT_EQ(stage(-5, -5.2, 60), "sensor");  // hardly any of it is the sites' light
+}
+
 TEST(Stages, ImagesThatAreDisplacedButNoWiderAreOfAtomsElsewhere) {
   const std::vector<StatisticDeclaration> images = {
       {"light.point_spread.x.spread", "point_spread_field", "shape", "all sites", false},

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <mutex>
 
 #include "base/error.hpp"
 #include "calibration/notes.hpp"
@@ -124,6 +125,14 @@ TEST(Diagnose, AnEffectIsNamedForItsOwnObservablesWhereAnotherIsNotKnown) {
   DiagnosisOptions options;
   options.threads = 2;
   options.include = {"serial_cic", "hot_pixels"};
+  constexpr double one_stack = 0.005;  // those simulated side by side may overtake each other
+  std::mutex mutex;
+  double furthest = 0;
+  options.progress = [&](std::string_view step, double done) {
+    const std::scoped_lock lock(mutex);
+    EXPECT_GT(done, furthest - one_stack) << step;
+    furthest = std::max(furthest, done);
+  };
   const Diagnosis found = diagnose(notes, *frames, nullptr, options);
   EXPECT_EQ(found.verdict, Verdict::partly_explained) << found.sentence;
   ASSERT_EQ(found.effects.size(), 1) << found.sentence;
@@ -136,6 +145,7 @@ TEST(Diagnose, AnEffectIsNamedForItsOwnObservablesWhereAnotherIsNotKnown) {
   EXPECT_LT(found.gap.closed, 0.3);
   EXPECT_TRUE(found.unexplained.present);
   // Without it nothing is named.
+  options.progress = {};
   options.include = {"hot_pixels"};
   const Diagnosis withheld = diagnose(notes, *frames, nullptr, options);
   EXPECT_EQ(withheld.verdict, Verdict::unexplained) << withheld.sentence;

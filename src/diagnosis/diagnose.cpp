@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <mutex>
 #include <optional>
 
 #include "base/error.hpp"
@@ -47,8 +48,12 @@ class Diagnoser {
   }
 
  private:
-  void tell(std::string_view step, double done) const {
-    if (options_.progress) options_.progress(step, done);
+  /// Never back: nobody knows beforehand how much will be tried, and stacks are simulated side by side.
+  void tell(std::string_view step, double done) {
+    if (!options_.progress) return;
+    const std::scoped_lock lock(progress_mutex_);
+    furthest_ = std::max(furthest_, done);
+    options_.progress(step, furthest_);
   }
 
   void prepare() {
@@ -87,9 +92,8 @@ class Diagnoser {
     const double cost =
         static_cast<double>(plan_.frames.count()) * static_cast<double>(frames_.shape().pixels());
     const int stacks = cost > 3e7 ? 160 : 240;
-    plain_ =
-        plain_model(real_stack(), stacks, plan_,
-                    stacks_done(options_.progress, "plain model", 0.04, 0.25, plain_centre_stacks + stacks));
+    plain_ = plain_model(real_stack(), stacks, plan_,
+                         stacks_done(progress_, "plain model", 0.04, 0.25, plain_centre_stacks + stacks));
     result_.p_gap = plain_.p_value;
     result_.p_after = plain_.p_value;
   }
@@ -114,7 +118,7 @@ class Diagnoser {
   }
 
   void explain() {
-    Search search({plain_, real_stack(), frames_, plan_, declarations_, excluded(), options_.progress});
+    Search search({plain_, real_stack(), frames_, plan_, declarations_, excluded(), progress_});
     if (std::optional<Found> found = search.run()) {
       result_.verdict = found->verdict;
       result_.effects = std::move(found->effects);
@@ -211,6 +215,9 @@ class Diagnoser {
   const ChosenFrames& frames_;
   const ChosenFrames* darks_;
   const DiagnosisOptions& options_;
+  std::mutex progress_mutex_;
+  double furthest_ = 0;
+  const DiagnosisProgress progress_ = [this](std::string_view step, double done) { tell(step, done); };
   Diagnosis result_;
   StackPlan plan_;
   std::optional<KeptResults> kept_;

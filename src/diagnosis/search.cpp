@@ -437,10 +437,7 @@ bool Search::likelier(const Model& model, const Model& fewer) const {
 std::vector<Model> Search::fit_and_judge(std::vector<Contender> contenders, double from, double to,
                                          const Before& before) {
   const auto progress = [&](std::string_view step, double done) {
-    if (!ground_.progress) return;
-    const std::scoped_lock lock(progress_mutex_);  // stacks are simulated side by side
-    furthest_ = std::max(furthest_, from + done * (to - from));
-    ground_.progress(step, furthest_);
+    if (ground_.progress) ground_.progress(step, from + done * (to - from));
   };
   add_starts_of_shaking(contenders);
   std::vector<Model> judged;

@@ -3,7 +3,6 @@
 // for, fits by simulation from several starts, and the verdict on what they come to.
 
 #include <array>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -95,8 +94,6 @@ class Search {
   ScanViews seen_;  // the real stack
   std::vector<Scan> scans_;
   Ends ends_;
-  std::mutex progress_mutex_;
-  double furthest_ = 0;  // of the progress: nobody knows beforehand how many will be tried
   std::optional<FieldFocus> field_focus_;
   std::optional<std::array<double, zernike_terms>> moving_zernikes_;
 };

@@ -77,6 +77,11 @@ double level_of_light(const std::vector<StatisticDeclaration>& battery, const Ei
   });
 }
 
+/// How the light that the sites have in common varies.
+double light_of_sites(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  return largest(battery, z, [](const auto& one) { return !one.darks && has(one, ".sites.common."); });
+}
+
 /// Frames whose level away from the sites varies, while that of dark frames does not, and with it their noise
 /// or from every frame to the next: it is light that varies, with its shot noise if there is enough of it. A
 /// few frames that stand out may be missing among the dark ones by chance. A drift of the level is as clear
@@ -102,9 +107,7 @@ bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen
 /// gain.
 bool all_light_changes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 6, beside = 0.4, no_less = 0.7;
-  const double level = level_of_light(battery, z);
-  const double sites =
-      largest(battery, z, [](const auto& one) { return !one.darks && has(one, ".sites.common."); });
+  const double level = level_of_light(battery, z), sites = light_of_sites(battery, z);
   return sites > std::max(clear, beside * level) && level > no_less * sites;
 }
 
@@ -112,9 +115,7 @@ bool all_light_changes(const std::vector<StatisticDeclaration>& battery, const E
 /// middle of their images for what is around them. Atoms that shine less leave less of it there, too.
 bool light_leaves_images(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 6, against = 4.5, beside = 0.4;
-  const double sites =
-      largest(battery, z, [](const auto& one) { return !one.darks && has(one, ".sites.common."); });
-  return stands_out(sites, z, clear, beside) &&
+  return stands_out(light_of_sites(battery, z), z, clear, beside) &&
          deviation_of("light.frames.level_against_light", battery, z) < -against;
 }
 

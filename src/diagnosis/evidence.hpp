@@ -64,18 +64,23 @@ inline constexpr double gap_level = 0.004;
 /// p-value.
 class OmnibusTest {
  public:
+  /// What the views' tails are known by: these stacks, or also those of the plain model in other labs.
+  /// Statistics that are far off now and then count less there, as their fourth moments say.
+  enum class Tails { of_these, of_all_labs };
   /// `own`: residuals of stacks that do not differ, a row each. `unsteady`: per statistic, as declared;
   /// empty: none is.
-  OmnibusTest(const Eigen::MatrixXd& own, std::vector<bool> unsteady);
+  OmnibusTest(const Eigen::MatrixXd& own, std::vector<bool> unsteady, Tails tails = Tails::of_these);
   double p_value(const Eigen::VectorXd& z) const;
 
  private:
   static constexpr int views = 3;
   using Views = std::array<double, views>;
-  Views look(const Eigen::VectorXd& z) const;
+  Views look(const Eigen::VectorXd& z, const Eigen::VectorXd& weights) const;
   double smallest(const Views& seen) const;
 
+  Tails tails_;
   std::vector<bool> unsteady_;
+  Eigen::VectorXd weights_;
   std::vector<NullDistribution> nulls_;
   std::optional<NullDistribution> combined_;
 };

@@ -214,7 +214,8 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
                                               plain ? effects_reach : plain_reach);
   // The plain model's own stacks are granted the same, or frames of its kind would look better than they are.
   const Eigen::MatrixXd own = plain ? model.standard->own() : tolerated_own(model);
-  model.test = std::make_unique<OmnibusTest>(own, model.population.unsteady);
+  model.test = std::make_unique<OmnibusTest>(
+      own, model.population.unsteady, plain ? OmnibusTest::Tails::of_these : OmnibusTest::Tails::of_all_labs);
   model.z = model.standard->judge(statistics);
   if (plain) {
     model.from_plain.resize(model.population.whole.rows(), model.population.whole.cols());

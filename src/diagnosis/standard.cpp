@@ -285,16 +285,21 @@ Standard::Estimate Standard::drawn_out(const Eigen::VectorXd& statistics, Eigen:
   return out;
 }
 
-NullDistribution::NullDistribution(std::vector<double> samples) : sorted_(std::move(samples)) {
+NullDistribution::NullDistribution(std::vector<double> samples, KnownTail known)
+    : sorted_(std::move(samples)) {
   std::sort(sorted_.begin(), sorted_.end());
   if (sorted_.size() < 10) return;
   const std::size_t from = sorted_.size() - std::max<std::size_t>(4, sorted_.size() / 10);
   knee_ = sorted_[from];
-  count_ = static_cast<double>(sorted_.size() - from - 1);  // the knee is one of the samples itself
-  share_ = (count_ + 1) / static_cast<double>(sorted_.size() + 1);
+  const double beyond =
+      static_cast<double>(sorted_.size() - from - 1);  // the knee is one of the samples itself
+  share_ = (beyond + 1) / static_cast<double>(sorted_.size() + 1);
   double excess = 0;
   for (std::size_t k = from; k < sorted_.size(); ++k) excess += sorted_[k] - knee_;
-  excess_ = std::max(1e-9 * count_, excess);
+  // What the samples clearly contradict is not known.
+  if (excess > known.mean_excess * (beyond + 3 * std::sqrt(beyond))) known.samples = 0;
+  count_ = beyond + known.samples;
+  excess_ = std::max(1e-9 * count_, excess + known.samples * known.mean_excess);
 }
 
 double NullDistribution::p_value(double value) const {

@@ -102,12 +102,18 @@ class Standard {
 /// exponential of the excess, its scale being as uncertain as so many samples leave it (the predictive law).
 class NullDistribution {
  public:
-  explicit NullDistribution(std::vector<double> samples);
+  /// What is known of the scale beforehand: the mean excess, worth so many samples beyond the highest tenth,
+  /// if the samples do not have one that is larger by three of their errors.
+  struct KnownTail {
+    double mean_excess = 0, samples = 0;
+  };
+  explicit NullDistribution(std::vector<double> samples, KnownTail known = {0, 0});
   double p_value(double value) const;
 
  private:
   std::vector<double> sorted_;
-  double knee_ = 0, excess_ = 1, count_ = 1, share_ = 0.1;  // of the samples beyond the knee: sum, number
+  double knee_ = 0, share_ = 0.1;  // of the samples beyond the knee
+  double excess_ = 1, count_ = 1;  // sum and number of what the scale is known by
 };
 
 }  // namespace atomcam

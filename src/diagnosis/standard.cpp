@@ -291,8 +291,8 @@ NullDistribution::NullDistribution(std::vector<double> samples, KnownTail known)
   if (sorted_.size() < 10) return;
   const std::size_t from = sorted_.size() - std::max<std::size_t>(4, sorted_.size() / 10);
   knee_ = sorted_[from];
-  const double beyond =
-      static_cast<double>(sorted_.size() - from - 1);  // the knee is one of the samples itself
+  // The knee is one of the samples itself.
+  const double beyond = static_cast<double>(sorted_.size() - from - 1);
   share_ = (beyond + 1) / static_cast<double>(sorted_.size() + 1);
   double excess = 0;
   for (std::size_t k = from; k < sorted_.size(); ++k) excess += sorted_[k] - knee_;

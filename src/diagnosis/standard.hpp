@@ -105,9 +105,9 @@ class NullDistribution {
   /// What is known of the scale beforehand: the mean excess, worth so many samples beyond the highest tenth,
   /// if the samples do not have one that is larger by three of their errors.
   struct KnownTail {
-    double mean_excess = 0, samples = 0;
+    double mean_excess, samples;
   };
-  explicit NullDistribution(std::vector<double> samples, KnownTail known = {0, 0});
+  explicit NullDistribution(std::vector<double> samples, KnownTail known = {});
   double p_value(double value) const;
 
  private:

@@ -144,10 +144,10 @@ TEST(Standard, FollowsAStackThatCalibratesElsewhere) {
   EXPECT_NEAR(standard.judge_recalibrated(far)(25), 9, 3);
 }
 
-/// Many nulls of few samples: how often new samples are beyond what is told, on average over the nulls and
-/// how that scatters from null to null.
+/// Many nulls of few samples: how often new samples are beyond what is told, on average over the nulls; the
+/// error is as large as nulls scatter.
 struct Beyond {
-  double mean, error, scatter;
+  double mean, error;
 };
 Beyond beyond(double level, NullDistribution::KnownTail known) {
   constexpr int nulls = 4000, trials = 1000;
@@ -163,8 +163,8 @@ Beyond beyond(double level, NullDistribution::KnownTail known) {
     beyond /= trials;
     sum += beyond, square += beyond * beyond;
   }
-  const double mean = sum / nulls, scatter = std::sqrt(square / nulls - mean * mean);
-  return {mean, scatter / std::sqrt(nulls), scatter};
+  const double mean = sum / nulls;
+  return {mean, std::sqrt((square / nulls - mean * mean) / nulls)};
 }
 
 // A scale that is taken for known is exceeded a fifth too often.
@@ -179,7 +179,7 @@ TEST(NullDistribution, TailsAreAsUncertainAsTheSamplesLeaveThem) {
 TEST(NullDistribution, AKnownTailIsToldTheBetterFor) {
   const Beyond by_samples = beyond(0.005, {}), known = beyond(0.005, {1, 200});
   EXPECT_NEAR(known.mean, 0.005, 0.0003);
-  EXPECT_LT(known.scatter, 0.8 * by_samples.scatter);
+  EXPECT_LT(known.error, 0.8 * by_samples.error);
 }
 
 }  // namespace

@@ -27,7 +27,6 @@ constexpr double comfortable = 0.05;  // p-value: below it there may be a better
 constexpr double hardly_odd = 0.001;  // likewise: what has not closed the gap may do so from there,
 constexpr double promising = 0.3;     // if it closes so much of it: what is not there closes next to nothing
 constexpr double worthwhile = 0.9;    // of the plain model's distance: farther away is not followed up
-constexpr double far_away = 1.4;      // nothing at this distance has ever closed two thirds of a gap
 constexpr double beyond_doubt = 30;   // of the logarithmic likelihood, behind the likeliest
 constexpr double as_good = 5;         // likewise: it is learned from some tens of stacks
 constexpr double other_stacks = 10;   // likewise: what it goes down by when these are others
@@ -281,9 +280,10 @@ Judged& best_of(std::vector<Judged>& looks) {
 struct Standing {
   double likeliest = -1e300;   // logarithmic likelihood of those that close the gap
   double explaining = -1e300;  // and of those that explain the frames
-  /// What is rejected must take nearly all of the gap away to be named.
+  /// What is rejected must take nearly all of the gap away to be named; what is far less likely than one that
+  /// explains the frames will not be.
   bool may_be_named(const Model& model, double closed) const {
-    if (closed <= least_to_pass) return false;
+    if (closed <= least_to_pass || model.log_likelihood < explaining - out_of_reach) return false;
     if (model.p_value >= reject_level) return true;
     return model.log_likelihood > likeliest - beyond_doubt &&
            (in_part(model) || closed >= least_closed_if_rejected);

@@ -13,6 +13,7 @@
 namespace atomcam {
 
 inline constexpr double like_own = 1.1;       // distance of a fit about as near as the model's own stacks
+inline constexpr double far_away = 1.4;       // nothing at this distance has ever closed two thirds of a gap
 inline constexpr double reject_level = 0.01;  // p-value: a fitted model below it is not the explanation
 
 /// A model that may be the explanation, from one start.

@@ -170,13 +170,15 @@ std::vector<Contender> Search::starts() {
 
 /// One effect, two or three that explain all that is odd: more only where fewer do not.
 std::optional<Found> Search::whole() {
+  const std::vector<PairMatch> matches = match_pairs(scans_, 4, seen_, ground_.plan.threads);
+  if (std::optional<Found> both = clear_pair(matches)) return both;
   std::vector<Model> singles = fit_and_judge(starts(), 0.58, 0.75);
   if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
   for (Model& model : fit_and_judge(overlooked(), 0.75, 0.8, {.as_many = nearest_of(singles)}))
     singles.push_back(std::move(model));
   if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
   if (singles.empty()) return {};
-  Pairs pairs = this->pairs(singles);
+  Pairs pairs = this->pairs(matches, singles);
   if (const auto named = naming_.choose(pairs.both_needed)) return found(named);
   for (Model& model : fit_and_judge(std::move(pairs.needed_alone), 0.95, 1))
     singles.push_back(std::move(model));
@@ -225,17 +227,50 @@ std::vector<Contender> Search::with_another(const Model& model, std::size_t most
   return candidates;
 }
 
-/// Pairs whose fingerprints add up best to the real one, really simulated.
-Search::Pairs Search::pairs(std::span<Model> singles) {
-  constexpr std::size_t leaders = 4, most = 4;
-  const Model& left_alone = likeliest(singles);
-  const std::vector<PairMatch> matches = match_pairs(scans_, leaders, seen_, ground_.plan.threads);
-  std::vector<Contender> candidates;
+/// Two effects that the scan finds to add up to far more than either: the many starts of each alone are
+/// spared if neither comes near without the other, and the two explain the frames.
+std::optional<Found> Search::clear_pair(const std::vector<PairMatch>& matches) {
+  constexpr double far_more = 0.1;  // of the squares of the deviations
+  constexpr double far = 2;         // distance of the plain model: of a smaller one it hardly tells
+  const double all = 0.5 * std::min(seen_[0].squaredNorm(), seen_[1].squaredNorm());
+  if (matches.empty() || matches.front().gain < far_more * all) return {};
+  if (plain_distance(fit_ground(), ground_.plan) < far) return {};
+  for (const std::size_t one : {matches.front().first, matches.front().second})
+    if (comes_near(with(ground_.plain, scans_[one], scans_[one].best().best), 0.58)) return {};
+  std::vector<Model> pairs = fit_and_judge(contenders(matches), 0.6, 0.9);
+  std::erase_if(pairs, [](const Model& pair) { return odd_under(pair) || !all_significant(pair); });
+  const auto named = naming_.choose(pairs);
+  if (!named || named->verdict != Verdict::explained) return {};
+  // Nor from where it is with the other.
+  const Model& pair = *named->model;
+  for (const std::string& one : pair.effects)
+    if (comes_near(only(pair, {one}), 0.9)) return {};
+  return found(named);
+}
+
+/// Whether a fit leads the model to where it may explain the frames.
+bool Search::comes_near(Model model, double progress) {
+  constexpr int rounds = 10;
+  if (ground_.progress) ground_.progress(title(model), progress);
+  fit(model, fit_ground(), rounds, ground_.plan, numbers_of("near/" + title(model)));
+  return model.distance < far_away;
+}
+
+/// Pairs whose fingerprints add up best to the real one.
+std::vector<Contender> Search::contenders(const std::vector<PairMatch>& matches) {
+  constexpr std::size_t most = 4;
+  std::vector<Contender> contenders;
   for (std::size_t k = 0; k < std::min(most, matches.size()); ++k)
     // A second effect must speak for itself: many others could soak up a little of what the first leaves.
-    if (matches[k].gain >= second_evidence) add_pair(matches[k], candidates);
+    if (matches[k].gain >= second_evidence) add_pair(matches[k], contenders);
+  return contenders;
+}
+
+/// Really simulated.
+Search::Pairs Search::pairs(const std::vector<PairMatch>& matches, std::span<Model> singles) {
+  const Model& left_alone = likeliest(singles);
   Pairs pairs;
-  for (Model& model : fit_and_judge(std::move(candidates), 0.8, 0.95, {.fewer = nearest_of(singles)})) {
+  for (Model& model : fit_and_judge(contenders(matches), 0.8, 0.95, {.fewer = nearest_of(singles)})) {
     // Strengths of what comes out differently every time are not known well: then likelihood tells, or what
     // one effect cannot be right about.
     const bool better = likelier(model, left_alone);
@@ -441,8 +476,8 @@ std::vector<Model> Search::fit_and_judge(std::vector<Contender> contenders, doub
   };
   add_starts_of_shaking(contenders);
   std::vector<Model> judged;
-  for (Contender& one : fitted_and_judged(std::move(contenders), {&ground_.plain, ground_.real},
-                                          ground_.battery, before, ground_.plan, progress, ends_)) {
+  for (Contender& one : fitted_and_judged(std::move(contenders), fit_ground(), ground_.battery, before,
+                                          ground_.plan, progress, ends_)) {
     note(one.model, one.evidence);
     judged.push_back(std::move(one.model));
   }

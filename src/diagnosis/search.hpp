@@ -54,10 +54,14 @@ class Search {
     std::vector<Model> both_needed, undecided;
     std::vector<Contender> needed_alone;  // one of two, about where the pair has it
   };
-  Pairs pairs(std::span<Model> singles);
+  std::optional<Found> clear_pair(const std::vector<PairMatch>& matches);
+  bool comes_near(Model model, double progress);
+  std::vector<Contender> contenders(const std::vector<PairMatch>& matches);
+  Pairs pairs(const std::vector<PairMatch>& matches, std::span<Model> singles);
   std::vector<Model> triples(const Model& pair);
   std::optional<Found> in_part();
 
+  FitGround fit_ground() const { return {&ground_.plain, ground_.real}; }
   bool atoms() const { return !ground_.plain.lab.scene.sites.empty(); }
   void scan();
   void note_scans();

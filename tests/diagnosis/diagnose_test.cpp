@@ -102,6 +102,18 @@ TEST(Diagnose, AWeakEffectIsNamedBesideAStrongOneThatLeavesNothingOdd) {
   EXPECT_GE(alone->p_value, reject_level);
 }
 
+TEST(Diagnose, TwoClearEffectsAreNamedBeforeOneAlone) {
+  const std::vector<std::string> both = {"row_noise", "hot_pixels"};
+  const Diagnosis found =
+      Case(both[0], 10, {{both[1], {0.01, 300, 1}}}).diagnose({both[0], both[1], "site_brightness_spread"});
+  EXPECT_EQ(found.verdict, Verdict::explained) << found.sentence;
+  EXPECT_EQ(found.effects.size(), 2) << found.sentence;
+  for (const std::string& name : both) ASSERT_TRUE(found.lab.effects.contains(name)) << found.sentence;
+  EXPECT_NEAR(found.lab.effects.at(both[1]).front(), 0.01, 0.006);
+  for (const Hypothesis& one : found.hypotheses)
+    EXPECT_FALSE(one.p_value >= 0 && one.effects.size() == 1) << one.effects.front() << " was judged alone";
+}
+
 TEST(Diagnose, AnEffectIsNamedForItsOwnObservablesWhereAnotherIsNotKnown) {
   Lab lab = preset("ixon-ultra-897");
   lab.layout = SiteGrid{.columns = 0, .rows = 0};

@@ -170,7 +170,8 @@ std::vector<Contender> Search::starts() {
 
 /// One effect, two or three that explain all that is odd: more only where fewer do not.
 std::optional<Found> Search::whole() {
-  const std::vector<PairMatch> matches = match_pairs(scans_, 4, seen_, ground_.plan.threads);
+  constexpr std::size_t leaders = 4;
+  const std::vector<PairMatch> matches = match_pairs(scans_, leaders, seen_, ground_.plan.threads);
   if (std::optional<Found> both = clear_pair(matches)) return both;
   std::vector<Model> singles = fit_and_judge(starts(), 0.58, 0.75);
   if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
@@ -266,7 +267,7 @@ std::vector<Contender> Search::contenders(const std::vector<PairMatch>& matches)
   return contenders;
 }
 
-/// Really simulated.
+/// The most promising pairs, really simulated, beside what single effects leave.
 Search::Pairs Search::pairs(const std::vector<PairMatch>& matches, std::span<Model> singles) {
   const Model& left_alone = likeliest(singles);
   Pairs pairs;

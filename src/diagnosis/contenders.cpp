@@ -280,6 +280,11 @@ Judged& best_of(std::vector<Judged>& looks) {
 struct Standing {
   double likeliest = -1e300;   // logarithmic likelihood of those that close the gap
   double explaining = -1e300;  // and of those that explain the frames
+  double fit = 1e300;          // unlikeliness where the likeliest of these was fitted
+  /// A fit tells likelihoods nearly as well as a look.
+  bool worth_a_look(const Model& fitted, std::size_t statistics) const {
+    return 0.5 * static_cast<double>(statistics) * (fitted.unlikeliness - fit) < out_of_reach;
+  }
   /// What is rejected must take nearly all of the gap away to be named; what is far less likely than one that
   /// explains the frames will not be.
   bool may_be_named(const Model& model, double closed) const {
@@ -341,16 +346,20 @@ class Looks {
   void follow_optics(const std::string& name) {
     if (!standing_.may_be_named(best().model, best().closed)) return;
     std::swap(best(), looks_.back());
-    for (int step = 0;; ++step) {
+    for (int step = 0, steps = optics_steps;; ++step) {
       Model& last = looks_.back().model;
       const std::string number = fmt::format(" along {}/{}", step, name);
       const bool away = estimate_with_wider_optics(last, *ground_.real.values, judged_stacks, plan_,
                                                    numbers_of("optics" + number));
-      if (!away || step == optics_steps) break;
+      if (!away || step == steps) break;
       Judged next = judged(about_estimate(last, true), number, true);
       if (next.model.log_likelihood < last.log_likelihood - other_stacks ||
           next.closed < looks_.back().closed - closes_less)
         break;
+      // From a place that explains the frames to another one no likelier: not on the way any more.
+      if (std::min(next.model.p_value, last.p_value) >= comfortable &&
+          next.model.log_likelihood < last.log_likelihood + other_stacks)
+        steps = step + 1;
       learn_from(next.model, last);
       looks_.push_back(std::move(next));
     }
@@ -402,12 +411,14 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
   Race race(contenders, ground, before, plan, progress, ends);
   race.first();
   race.follow_up();
+  std::vector<Contender> looked_at;
   std::vector<double> closed;
   Standing standing;
-  for (std::size_t k = 0; k < contenders.size(); ++k) {
-    const std::string& name = contenders[k].name;
-    Model& model = contenders[k].model;
-    Looks looks(ground, battery, plan, standing, progress, 0.7 + 0.1 * static_cast<double>(k));
+  for (Contender& contender : contenders) {
+    const std::string& name = contender.name;
+    Model& model = contender.model;
+    if (!standing.worth_a_look(model, battery.size())) continue;
+    Looks looks(ground, battery, plan, standing, progress, 0.7 + 0.1 * static_cast<double>(looked_at.size()));
     looks.look_from(std::move(model), name);
     // Of starts that all came near the distance hardly tells the right one.
     if (const Judged& best = looks.best(); looks.near(best))
@@ -416,16 +427,20 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
     looks.follow_optics(name);
     closed.push_back(looks.best().closed);
     model = std::move(looks.best().model);
-    if (closed.back() < least_to_pass) continue;
-    standing.likeliest = std::max(standing.likeliest, model.log_likelihood);
-    if (model.oddest >= comfortable)
-      standing.explaining = std::max(standing.explaining, model.log_likelihood);
+    if (closed.back() >= least_to_pass) {
+      standing.likeliest = std::max(standing.likeliest, model.log_likelihood);
+      if (model.oddest >= comfortable && model.log_likelihood > standing.explaining) {
+        standing.explaining = model.log_likelihood;
+        standing.fit = model.unlikeliness;
+      }
+    }
+    looked_at.push_back(std::move(contender));
   }
   // What will not be named needs no errors.
-  for (std::size_t k = 0; k < contenders.size(); ++k)
-    if (Model& model = contenders[k].model; standing.may_be_named(model, closed[k]))
-      widen(model, *ground.real.values, judged_stacks, plan, numbers_of("widen/" + contenders[k].name));
-  return contenders;
+  for (std::size_t k = 0; k < looked_at.size(); ++k)
+    if (Model& model = looked_at[k].model; standing.may_be_named(model, closed[k]))
+      widen(model, *ground.real.values, judged_stacks, plan, numbers_of("widen/" + looked_at[k].name));
+  return looked_at;
 }
 
 }  // namespace atomcam

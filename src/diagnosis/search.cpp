@@ -89,18 +89,22 @@ std::optional<Found> found(const std::optional<Named>& named) {
 std::optional<Found> Search::run() {
   seen_ = views_of(*ground_.plain.standard, as_vector(ground_.real.values->whole));
   scan();
+  const bool two = two_add_up();
+  look_closer();
   note_scans();
+  if (two)
+    if (std::optional<Found> both = clear_pair()) return both;
   if (std::optional<Found> explanation = whole()) return explanation;
   return in_part();
 }
 
-/// Every effect over its whole range, then closer and closer looks at fewer and fewer.
+/// Every effect over its whole range.
 void Search::scan() {
-  constexpr double begin = 0.25, middle = 0.5, look = 0.0035;  // of the progress
+  constexpr double begin = 0.25, end = 0.5;  // of the progress
   const Model& plain = ground_.plain;
   const StackPlan& plan = ground_.plan;
   const auto list = candidates(plain, ground_.excluded);
-  const double one_scan = (middle - begin) / static_cast<double>(std::max<std::size_t>(1, list.size()));
+  const double one_scan = (end - begin) / static_cast<double>(std::max<std::size_t>(1, list.size()));
   double done = begin;
   for (const EffectDeclaration* effect : list) {
     Scan one;
@@ -113,6 +117,14 @@ void Search::scan() {
   }
   match(scans_, *plain.correlation, seen_, plan.threads);
   sort(scans_);
+}
+
+/// Closer and closer at fewer and fewer effects.
+void Search::look_closer() {
+  constexpr double begin = 0.5, look = 0.0035;  // of the progress
+  const Model& plain = ground_.plain;
+  const StackPlan& plan = ground_.plan;
+  double done = begin;
   for (const std::size_t leaders : {8u, 6u, 5u, 4u}) {
     const std::span<Scan> nearest(scans_.data(), std::min(leaders, scans_.size()));
     for (Scan& one : nearest) {
@@ -170,16 +182,13 @@ std::vector<Contender> Search::starts() {
 
 /// One effect, two or three that explain all that is odd: more only where fewer do not.
 std::optional<Found> Search::whole() {
-  constexpr std::size_t leaders = 4;
-  const std::vector<PairMatch> matches = match_pairs(scans_, leaders, seen_, ground_.plan.threads);
-  if (std::optional<Found> both = clear_pair(matches)) return both;
   std::vector<Model> singles = fit_and_judge(starts(), 0.58, 0.75);
   if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
   for (Model& model : fit_and_judge(overlooked(), 0.75, 0.8, {.as_many = nearest_of(singles)}))
     singles.push_back(std::move(model));
   if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
   if (singles.empty()) return {};
-  Pairs pairs = this->pairs(matches, singles);
+  Pairs pairs = this->pairs(singles);
   if (const auto named = naming_.choose(pairs.both_needed)) return found(named);
   for (Model& model : fit_and_judge(std::move(pairs.needed_alone), 0.95, 1))
     singles.push_back(std::move(model));
@@ -228,14 +237,27 @@ std::vector<Contender> Search::with_another(const Model& model, std::size_t most
   return candidates;
 }
 
-/// Two effects that the scan finds to add up to far more than either: the many starts of each alone are
-/// spared if neither comes near without the other, and the two explain the frames.
-std::optional<Found> Search::clear_pair(const std::vector<PairMatch>& matches) {
+/// Of one of the leaders with any other effect, as their fingerprints add up.
+std::vector<PairMatch> Search::matched_pairs() const {
+  constexpr std::size_t leaders = 4;
+  return match_pairs(scans_, leaders, seen_, ground_.plan.threads);
+}
+
+/// Whether the scan has two effects that add up to far more than either. Closer looks follow one strong
+/// effect so closely that others seem to add to it: before them.
+bool Search::two_add_up() const {
   constexpr double far_more = 0.1;  // of the squares of the deviations
   constexpr double far = 2;         // distance of the plain model: of a smaller one it hardly tells
+  const std::vector<PairMatch> matches = matched_pairs();
   const double all = 0.5 * std::min(seen_[0].squaredNorm(), seen_[1].squaredNorm());
-  if (matches.empty() || matches.front().gain < far_more * all) return {};
-  if (plain_distance(fit_ground(), ground_.plan) < far) return {};
+  return !matches.empty() && matches.front().gain >= far_more * all &&
+         plain_distance(fit_ground(), ground_.plan) >= far;
+}
+
+/// The many starts of each alone are spared if neither comes near without the other, and the two explain the
+/// frames.
+std::optional<Found> Search::clear_pair() {
+  const std::vector<PairMatch> matches = matched_pairs();
   for (const std::size_t one : {matches.front().first, matches.front().second})
     if (comes_near(with(ground_.plain, scans_[one], scans_[one].best().best), 0.58)) return {};
   std::vector<Model> pairs = fit_and_judge(contenders(matches), 0.6, 0.9);
@@ -268,10 +290,10 @@ std::vector<Contender> Search::contenders(const std::vector<PairMatch>& matches)
 }
 
 /// The most promising pairs, really simulated, beside what single effects leave.
-Search::Pairs Search::pairs(const std::vector<PairMatch>& matches, std::span<Model> singles) {
+Search::Pairs Search::pairs(std::span<Model> singles) {
   const Model& left_alone = likeliest(singles);
   Pairs pairs;
-  for (Model& model : fit_and_judge(contenders(matches), 0.8, 0.95, {.fewer = nearest_of(singles)})) {
+  for (Model& model : fit_and_judge(contenders(matched_pairs()), 0.8, 0.95, {.fewer = nearest_of(singles)})) {
     // Strengths of what comes out differently every time are not known well: then likelihood tells, or what
     // one effect cannot be right about.
     const bool better = likelier(model, left_alone);

@@ -54,16 +54,19 @@ class Search {
     std::vector<Model> both_needed, undecided;
     std::vector<Contender> needed_alone;  // one of two, about where the pair has it
   };
-  std::optional<Found> clear_pair(const std::vector<PairMatch>& matches);
+  std::vector<PairMatch> matched_pairs() const;
+  bool two_add_up() const;
+  std::optional<Found> clear_pair();
   bool comes_near(Model model, double progress);
   std::vector<Contender> contenders(const std::vector<PairMatch>& matches);
-  Pairs pairs(const std::vector<PairMatch>& matches, std::span<Model> singles);
+  Pairs pairs(std::span<Model> singles);
   std::vector<Model> triples(const Model& pair);
   std::optional<Found> in_part();
 
   FitGround fit_ground() const { return {&ground_.plain, ground_.real}; }
   bool atoms() const { return !ground_.plain.lab.scene.sites.empty(); }
   void scan();
+  void look_closer();
   void note_scans();
   std::vector<Contender> starts();
   std::vector<Contender> overlooked();

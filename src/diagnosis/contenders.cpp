@@ -278,12 +278,12 @@ Judged& best_of(std::vector<Judged>& looks) {
 
 /// What has been learned of the models judged so far.
 struct Standing {
-  double likeliest = -1e300;   // logarithmic likelihood of those that close the gap
-  double explaining = -1e300;  // and of those that explain the frames
-  double fit = 1e300;          // unlikeliness where the likeliest of these was fitted
+  double likeliest = -1e300;    // logarithmic likelihood of those that close the gap
+  double explaining = -1e300;   // and of those that explain the frames
+  double unlikeliness = 1e300;  // where the likeliest of these was fitted
   /// A fit tells likelihoods nearly as well as a look.
   bool worth_a_look(const Model& fitted, std::size_t statistics) const {
-    return 0.5 * static_cast<double>(statistics) * (fitted.unlikeliness - fit) < out_of_reach;
+    return 0.5 * static_cast<double>(statistics) * (fitted.unlikeliness - unlikeliness) < out_of_reach;
   }
   /// What is rejected must take nearly all of the gap away to be named; what is far less likely than one that
   /// explains the frames will not be.
@@ -431,7 +431,7 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
       standing.likeliest = std::max(standing.likeliest, model.log_likelihood);
       if (model.oddest >= comfortable && model.log_likelihood > standing.explaining) {
         standing.explaining = model.log_likelihood;
-        standing.fit = model.unlikeliness;
+        standing.unlikeliness = model.unlikeliness;
       }
     }
     looked_at.push_back(std::move(contender));

@@ -254,8 +254,8 @@ bool Search::two_add_up() const {
          plain_distance(fit_ground(), ground_.plan) >= far;
 }
 
-/// The many starts of each alone are spared if neither comes near without the other, and the two explain the
-/// frames.
+/// Two effects before each alone, whose many starts are spared: if neither comes near without the other, and
+/// the two explain the frames.
 std::optional<Found> Search::clear_pair() {
   const std::vector<PairMatch> matches = matched_pairs();
   for (const std::size_t one : {matches.front().first, matches.front().second})

@@ -281,6 +281,13 @@ struct Standing {
   double likeliest = -1e300;    // logarithmic likelihood of those that close the gap
   double explaining = -1e300;   // and of those that explain the frames
   double unlikeliness = 1e300;  // where the likeliest of these was fitted
+  void learn(const Model& model, double closed) {
+    if (closed < least_to_pass) return;
+    likeliest = std::max(likeliest, model.log_likelihood);
+    if (model.oddest < comfortable || model.log_likelihood <= explaining) return;
+    explaining = model.log_likelihood;
+    unlikeliness = model.unlikeliness;
+  }
   /// A fit tells likelihoods nearly as well as a look.
   bool worth_a_look(const Model& fitted, std::size_t statistics) const {
     return 0.5 * static_cast<double>(statistics) * (fitted.unlikeliness - unlikeliness) < out_of_reach;
@@ -427,13 +434,7 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
     looks.follow_optics(name);
     closed.push_back(looks.best().closed);
     model = std::move(looks.best().model);
-    if (closed.back() >= least_to_pass) {
-      standing.likeliest = std::max(standing.likeliest, model.log_likelihood);
-      if (model.oddest >= comfortable && model.log_likelihood > standing.explaining) {
-        standing.explaining = model.log_likelihood;
-        standing.unlikeliness = model.unlikeliness;
-      }
-    }
+    standing.learn(model, closed.back());
     looked_at.push_back(std::move(contender));
   }
   // What will not be named needs no errors.

@@ -248,10 +248,10 @@ std::vector<PairMatch> Search::matched_pairs() const {
 bool Search::two_add_up() const {
   constexpr double far_more = 0.1;  // of the squares of the deviations
   constexpr double far = 2;         // distance of the plain model: of a smaller one it hardly tells
+  if (plain_distance(fit_ground(), ground_.plan) < far) return false;
   const std::vector<PairMatch> matches = matched_pairs();
   const double all = 0.5 * std::min(seen_[0].squaredNorm(), seen_[1].squaredNorm());
-  return !matches.empty() && matches.front().gain >= far_more * all &&
-         plain_distance(fit_ground(), ground_.plan) >= far;
+  return !matches.empty() && matches.front().gain >= far_more * all;
 }
 
 /// Two effects before each alone, whose many starts are spared: if neither comes near without the other, and

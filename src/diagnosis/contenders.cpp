@@ -33,6 +33,7 @@ constexpr double other_stacks = 10;   // likewise: what it goes down by when the
 constexpr double out_of_reach = 100;  // likewise, behind one that explains the frames
 constexpr double reachable = 3;       // nothing farther away has come near in still more rounds
 constexpr double closes_less = 0.05;  // of the gap: what scatters widely is not led there
+constexpr double closes_more = 0.02;  // likewise: of a part no more is closed from there
 
 /// Distance from which on a model is hopelessly behind the nearest.
 double behind(double nearest) {
@@ -305,10 +306,12 @@ struct Standing {
 /// A model is judged by simulating it where a fit has led, and again where that leads.
 class Looks {
  public:
-  Looks(const FitGround& ground, const std::vector<StatisticDeclaration>& battery, const StackPlan& plan,
-        const Standing& standing, const DiagnosisProgress& progress, double progress_from)
+  Looks(const FitGround& ground, const std::vector<StatisticDeclaration>& battery,
+        const std::vector<std::string>& asked, const StackPlan& plan, const Standing& standing,
+        const DiagnosisProgress& progress, double progress_from)
       : ground_(ground),
         battery_(battery),
+        asked_(asked),
         plan_(plan),
         standing_(standing),
         progress_(progress),
@@ -318,10 +321,10 @@ class Looks {
 
   /// Near, or of a part and drawn too widely to say how much of it is explained.
   bool worth_another(const Judged& look) const {
-    if (in_part(look.model))
-      for (Eigen::Index k = look.model.first_effect_parameter; k < std::ssize(look.model.open); ++k)
-        if (drawn_too_widely(look.model, k)) return true;
-    return near(look);
+    if (!in_part(look.model)) return look.model.distance <= reachable && near(look);
+    for (Eigen::Index k = look.model.first_effect_parameter; k < std::ssize(look.model.open); ++k)
+      if (drawn_too_widely(look.model, k)) return true;
+    return look.closed > promising;
   }
 
   /// Near, and not quite there: as many stacks show the way better than the few of a fit's round.
@@ -343,7 +346,8 @@ class Looks {
       if (!in_part(next.model) && next.model.log_likelihood < looks_.back().model.log_likelihood &&
           next.model.p_value < looks_.back().model.p_value)
         break;
-      const bool no_nearer = stuck(next, looks_.back());
+      const bool no_nearer =
+          in_part(next.model) ? next.closed < looks_.back().closed + closes_more : stuck(next, looks_.back());
       looks_.push_back(std::move(next));
       if (no_nearer) break;
     }
@@ -377,8 +381,7 @@ class Looks {
   /// Rejected, and neither less odd than at the look before nor with less left of the gap.
   static bool stuck(const Judged& look, const Judged& before) {
     constexpr double less_odd = 2, less_left = 0.75;  // times as before
-    return !in_part(look.model) && look.model.p_value < reject_level &&
-           look.model.p_value < less_odd * before.model.p_value &&
+    return look.model.p_value < reject_level && look.model.p_value < less_odd * before.model.p_value &&
            1 - look.closed > less_left * (1 - before.closed);
   }
 
@@ -392,12 +395,14 @@ class Looks {
           });
     from_ += part_;
     part_ /= 2;
-    const double closed = closed_by(model, *ground_.plain, battery_);
+    const double closed = asked_.empty() ? closed_by(model, *ground_.plain, battery_)
+                                         : closed_by(model, *ground_.plain, battery_, asked_);
     return {std::move(model), closed};
   }
 
   const FitGround& ground_;
   const std::vector<StatisticDeclaration>& battery_;
+  const std::vector<std::string>& asked_;  // observables of which the gap is to be closed; none: all
   const StackPlan& plan_;
   const Standing& standing_;
   const DiagnosisProgress& progress_;
@@ -425,7 +430,8 @@ std::vector<Contender> fitted_and_judged(std::vector<Contender> contenders, cons
     const std::string& name = contender.name;
     Model& model = contender.model;
     if (!standing.worth_a_look(model, battery.size())) continue;
-    Looks looks(ground, battery, plan, standing, progress, 0.7 + 0.1 * static_cast<double>(looked_at.size()));
+    Looks looks(ground, battery, before.part, plan, standing, progress,
+                0.7 + 0.1 * static_cast<double>(looked_at.size()));
     looks.look_from(std::move(model), name);
     // Of starts that all came near the distance hardly tells the right one.
     if (const Judged& best = looks.best(); looks.near(best))

@@ -27,10 +27,12 @@ struct Contender {
 /// Where the fits of each combination of effects came nearest: all open parameters.
 using Ends = std::map<std::vector<std::string>, std::vector<Uncertain>>;
 
-/// Distances of the nearest models that have been judged before.
+/// What is known before, and what is asked.
 struct Before {
+  // Distances of the nearest models that have been judged.
   double fewer = 1e300;    // of a simpler one: what is not nearer is let go after the first rounds
   double as_many = 1e300;  // with as many effects: what is far behind it is not judged
+  std::vector<std::string> part = {};  // observables whose gap is to be closed; empty: all of it
 };
 
 /// The effects of a model, as people read them.

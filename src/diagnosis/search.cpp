@@ -182,15 +182,15 @@ std::vector<Contender> Search::starts() {
 
 /// One effect, two or three that explain all that is odd: more only where fewer do not.
 std::optional<Found> Search::whole() {
-  std::vector<Model> singles = fit_and_judge(starts(), 0.58, 0.75);
+  std::vector<Model> singles = fit_and_judge(starts(), 0.58, 0.69);
   if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
-  for (Model& model : fit_and_judge(overlooked(), 0.75, 0.8, {.as_many = nearest_of(singles)}))
+  for (Model& model : fit_and_judge(overlooked(), 0.69, 0.72, {.as_many = nearest_of(singles)}))
     singles.push_back(std::move(model));
   if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
   if (singles.empty()) return {};
   Pairs pairs = this->pairs(singles);
   if (const auto named = naming_.choose(pairs.both_needed)) return found(named);
-  for (Model& model : fit_and_judge(std::move(pairs.needed_alone), 0.95, 1))
+  for (Model& model : fit_and_judge(std::move(pairs.needed_alone), 0.82, 0.84))
     singles.push_back(std::move(model));
   if (const auto named = naming_.choose(singles)) return found(named);
   const Model& either = likeliest(singles);
@@ -214,7 +214,7 @@ std::optional<Found> Search::with_what_it_hides(const Named& named) {
   std::vector<Contender> candidates;
   if (named.verdict == Verdict::explained) candidates = with_another(one, most);
   if (candidates.empty()) return found(named);
-  std::vector<Model> both = fit_and_judge(std::move(candidates), 0.8, 0.95, {.fewer = one.distance});
+  std::vector<Model> both = fit_and_judge(std::move(candidates), 0.72, 0.82, {.fewer = one.distance});
   const Eigen::VectorXd statistics = as_vector(ground_.real.values->whole);
   std::erase_if(both, [&](const Model& pair) {
     const bool better = likelier(pair, one) || discriminant_odds(pair, one, statistics) > more_odds;
@@ -257,26 +257,30 @@ bool Search::two_add_up() const {
 /// Two effects before each alone, whose many starts are spared: if neither comes near without the other, and
 /// the two explain the frames.
 std::optional<Found> Search::clear_pair() {
+  constexpr double near_soon = 2;  // distance after the first rounds of a fit
   const std::vector<PairMatch> matches = matched_pairs();
+  double alone = 1e300;
   for (const std::size_t one : {matches.front().first, matches.front().second})
-    if (comes_near(with(ground_.plain, scans_[one], scans_[one].best().best), 0.58)) return {};
-  std::vector<Model> pairs = fit_and_judge(contenders(matches), 0.6, 0.9);
+    alone = std::min(alone, how_near(with(ground_.plain, scans_[one], scans_[one].best().best), 0.58));
+  if (alone < far_away) return {};
+  std::vector<Model> pairs = fit_and_judge(contenders(matches), 0.6, 0.78,
+                                           {.fewer = std::min(alone, near_soon), .as_many = like_own});
   std::erase_if(pairs, [](const Model& pair) { return odd_under(pair) || !all_significant(pair); });
   const auto named = naming_.choose(pairs);
   if (!named || named->verdict != Verdict::explained) return {};
   // Nor from where it is with the other.
   const Model& pair = *named->model;
   for (const std::string& one : pair.effects)
-    if (comes_near(only(pair, {one}), 0.9)) return {};
+    if (how_near(only(pair, {one}), 0.78) < far_away) return {};
   return found(named);
 }
 
-/// Whether a fit leads the model to where it may explain the frames.
-bool Search::comes_near(Model model, double progress) {
+/// The distance from the real frames to which a fit leads the model.
+double Search::how_near(Model model, double progress) {
   constexpr int rounds = 10;
   if (ground_.progress) ground_.progress(title(model), progress);
   fit(model, fit_ground(), rounds, ground_.plan, numbers_of("near/" + title(model)));
-  return model.distance < far_away;
+  return model.distance;
 }
 
 /// Pairs whose fingerprints add up best to the real one.
@@ -293,7 +297,8 @@ std::vector<Contender> Search::contenders(const std::vector<PairMatch>& matches)
 Search::Pairs Search::pairs(std::span<Model> singles) {
   const Model& left_alone = likeliest(singles);
   Pairs pairs;
-  for (Model& model : fit_and_judge(contenders(matched_pairs()), 0.8, 0.95, {.fewer = nearest_of(singles)})) {
+  for (Model& model :
+       fit_and_judge(contenders(matched_pairs()), 0.72, 0.82, {.fewer = nearest_of(singles)})) {
     // Strengths of what comes out differently every time are not known well: then likelihood tells, or what
     // one effect cannot be right about.
     const bool better = likelier(model, left_alone);
@@ -320,7 +325,7 @@ std::vector<Model> Search::triples(const Model& pair) {
   constexpr std::size_t most = 2;
   std::vector<Model> list, undecided;
   std::vector<Contender> fewer;
-  for (Model& model : fit_and_judge(with_another(pair, most), 0.95, 0.98, {.fewer = pair.distance})) {
+  for (Model& model : fit_and_judge(with_another(pair, most), 0.84, 0.85, {.fewer = pair.distance})) {
     const bool better = likelier(model, pair);
     const std::vector<std::string> needed = significant(model);
     if (needed.size() == model.effects.size()) {
@@ -331,7 +336,7 @@ std::vector<Model> Search::triples(const Model& pair) {
       if (better || naming_.contradicted(pair)) undecided.push_back(std::move(model));
     }
   }
-  for (Model& model : fit_and_judge(std::move(fewer), 0.98, 1))
+  for (Model& model : fit_and_judge(std::move(fewer), 0.85, 0.86))
     if (all_significant(model)) list.push_back(std::move(model));
   if (std::none_of(list.begin(), list.end(), [&](const Model& model) { return naming_.passes(model); }))
     for (Model& model : undecided) list.push_back(std::move(model));
@@ -345,6 +350,7 @@ std::vector<Model> Search::triples(const Model& pair) {
 /// where the law is not found alone, both at once, or the other would bend to what the law does.
 std::optional<Found> Search::in_part() {
   constexpr std::size_t most = 3;
+  constexpr std::size_t most_in_vain = 3;  // in a row, of those without a law, the most promising first
   std::optional<Model> model;
   const auto add = [&](const Scan& scan, const Scan* law) {
     const std::size_t more = law ? 2 : 1, before = model ? model->effects.size() : 0;
@@ -363,12 +369,26 @@ std::optional<Found> Search::in_part() {
   };
   for (const Scan& scan : scans_)
     if (scan.effect->own_law) add(scan, nullptr);
-  if (!atoms())
+  if (!atoms()) {
+    std::vector<std::pair<double, const Scan*>> others;
     for (const Scan& scan : scans_) {
       if (scan.effect->own_law) continue;
-      const Scan* law = hidden_beside(scan);
-      if (!add(scan, law) && law && !shows(*law)) add(scan, nullptr);
+      const Model& before = model ? *model : ground_.plain;
+      const auto match = match_part_of_gap(before, scan, hidden_beside(scan),
+                                           without(scan.effect->observables, before.explains));
+      if (match) others.emplace_back(match->share, &scan);
     }
+    std::stable_sort(others.begin(), others.end(), [](auto& a, auto& b) { return a.first > b.first; });
+    std::size_t in_vain = 0;
+    for (const auto& [share, scan] : others) {
+      if (in_vain == most_in_vain) break;
+      const Scan* law = hidden_beside(*scan);
+      if (add(*scan, law) || (law && !shows(*law) && add(*scan, nullptr)))
+        in_vain = 0;
+      else
+        ++in_vain;
+    }
+  }
   if (!model) return {};
   const double closed = closed_by(*model, ground_.plain, ground_.battery);
   return found(Named{&*model, Verdict::partly_explained, 0.5 + 0.5 * closed, {}});
@@ -619,7 +639,10 @@ std::vector<Model> Search::fit_in_part(const Model& before, const Part& part, co
   model.explains = std::move(explains);
   std::vector<Contender> contenders;
   contenders.push_back({title(model) + ", in part", std::move(model), part.scan.best().log_likelihood});
-  return fit_and_judge(std::move(contenders), 0.95, 1);
+  // How many parts there will be is not known: each takes some of the progress that is left.
+  const double from = part_progress_;
+  part_progress_ += 0.15 * (1 - from);
+  return fit_and_judge(std::move(contenders), from, part_progress_, {.part = part.observables});
 }
 
 /// What the other effect that the scan finds most of in the part's observables closes of their gap. Nothing,

@@ -57,7 +57,7 @@ class Search {
   std::vector<PairMatch> matched_pairs() const;
   bool two_add_up() const;
   std::optional<Found> clear_pair();
-  bool comes_near(Model model, double progress);
+  double how_near(Model model, double progress);
   std::vector<Contender> contenders(const std::vector<PairMatch>& matches);
   Pairs pairs(std::span<Model> singles);
   std::vector<Model> triples(const Model& pair);
@@ -101,6 +101,7 @@ class Search {
   ScanViews seen_;  // the real stack
   std::vector<Scan> scans_;
   Ends ends_;
+  double part_progress_ = 0.86;
   std::optional<FieldFocus> field_focus_;
   std::optional<std::array<double, zernike_terms>> moving_zernikes_;
 };

@@ -347,7 +347,7 @@ class Looks {
           next.model.p_value < looks_.back().model.p_value)
         break;
       const bool no_nearer =
-          in_part(next.model) ? next.closed < looks_.back().closed + closes_more : stuck(next, looks_.back());
+          in_part(next.model) ? closes_no_more(next, looks_.back()) : stuck(next, looks_.back());
       looks_.push_back(std::move(next));
       if (no_nearer) break;
     }
@@ -378,6 +378,19 @@ class Looks {
   }
 
  private:
+  /// Of a part: what may be named goes on until its strengths stay where they are.
+  static bool closes_no_more(const Judged& look, const Judged& before) {
+    constexpr double stays = 2;  // errors
+    const auto went = [&](Eigen::Index k) {
+      const double centre = look.model.open[static_cast<std::size_t>(k)].centre;
+      return std::fabs(look.model.estimate(k) - centre) > stays * look.model.error(k);
+    };
+    if (look.closed >= least_part_closed)
+      for (Eigen::Index k = look.model.first_effect_parameter; k < std::ssize(look.model.open); ++k)
+        if (went(k)) return false;
+    return look.closed < before.closed + closes_more;
+  }
+
   /// Rejected, and neither less odd than at the look before nor with less left of the gap.
   static bool stuck(const Judged& look, const Judged& before) {
     constexpr double less_odd = 2, less_left = 0.75;  // times as before

@@ -77,6 +77,33 @@ TEST(RealFrames, ManyPixelsTellAStrengthBetter) {
   EXPECT_GT(named.gap.part_closed, 0.82);
 }
 
+// Its baseline jumps in spite of the clamp, its first columns stand high, and lines differ from frame to
+// frame.
+TEST(RealFrames, BaselineJumpsAndTheFirstColumnsOfAnotherCameraAreSeen) {
+  const char* data = std::getenv("ATOMCAM_DATA");
+  if (!data) GTEST_SKIP() << "ATOMCAM_DATA is not set";
+  const auto frames =
+      open_frames(std::filesystem::path(data) / "real" / "quickfit3-du860" / "LED_0mA_*_exp1000_000.tif");
+  const Notes notes = parse_notes(
+      R"({"camera": "iXon 860 EMCCD", "shape": [128, 128], "settings": {"em_gain": 10, "preamp_e_per_adu": 12,
+          "bias_adu": 90, "read_noise_adu": 3.3}})",
+      "notes");
+  DiagnosisOptions options;
+  options.threads = 2;
+  options.where_only = true;
+  const Diagnosis found = diagnose(notes, *frames, nullptr, options);
+  EXPECT_EQ(found.verdict, Verdict::unexplained) << found.sentence;
+  EXPECT_EQ(found.unexplained.stage, "sensor") << found.sentence;
+  const auto z = [&](std::string_view statistic) {
+    for (const Difference& one : found.where)
+      if (one.statistic == statistic) return one.z;
+    return 0.0;
+  };
+  EXPECT_GT(z("light.frames.level.variance"), 5);
+  EXPECT_GT(z("light.static_offsets.columns.largest"), 5);
+  EXPECT_GT(z("light.lines.rows.variance"), 5);
+}
+
 /// Of the dark frames, every row of each moved by another amount.
 Diagnosis diagnose_with_noise_of_rows(const std::filesystem::path& data, double sigma_counts,
                                       const std::vector<std::string>& include) {

@@ -349,49 +349,54 @@ std::vector<Model> Search::triples(const Model& pair) {
 /// where none before it does. A law and another effect that show in the same observables hide each other:
 /// where the law is not found alone, both at once, or the other would bend to what the law does.
 std::optional<Found> Search::in_part() {
-  constexpr std::size_t most = 3;
-  constexpr std::size_t most_in_vain = 3;  // in a row, of those without a law, the most promising first
-  std::optional<Model> model;
+  constexpr std::size_t most = 3, most_in_vain = 3;  // effects; without a law, in a row
+  std::optional<Model> found;
+  const auto known = [&]() -> const Model& { return found ? *found : ground_.plain; };
   const auto add = [&](const Scan& scan, const Scan* law) {
-    const std::size_t more = law ? 2 : 1, before = model ? model->effects.size() : 0;
-    if (before + more > most) return false;
-    std::optional<Model> found = with_part(model ? *model : ground_.plain, scan, law);
-    if (!found) return false;
-    model = std::move(found);
+    if (known().effects.size() + (law ? 2 : 1) > most) return false;
+    std::optional<Model> model = with_part(known(), scan, law);
+    if (!model) return false;
+    found = std::move(model);
     return true;
-  };
-  const auto hidden_beside = [&](const Scan& scan) {
-    const auto law = std::find_if(scans_.begin(), scans_.end(), [&](const Scan& one) {
-      return one.effect->own_law && !(model && model->has(one.effect->name)) &&
-             share_observables(*scan.effect, *one.effect);
-    });
-    return law == scans_.end() ? nullptr : &*law;
   };
   for (const Scan& scan : scans_)
     if (scan.effect->own_law) add(scan, nullptr);
   if (!atoms()) {
-    std::vector<std::pair<double, const Scan*>> others;
-    for (const Scan& scan : scans_) {
-      if (scan.effect->own_law) continue;
-      const Model& before = model ? *model : ground_.plain;
-      const auto match = match_part_of_gap(before, scan, hidden_beside(scan),
-                                           without(scan.effect->observables, before.explains));
-      if (match) others.emplace_back(match->share, &scan);
-    }
-    std::stable_sort(others.begin(), others.end(), [](auto& a, auto& b) { return a.first > b.first; });
-    std::size_t in_vain = 0;
-    for (const auto& [share, scan] : others) {
-      if (in_vain == most_in_vain) break;
-      const Scan* law = hidden_beside(*scan);
-      if (add(*scan, law) || (law && !shows(*law) && add(*scan, nullptr)))
-        in_vain = 0;
-      else
-        ++in_vain;
+    std::set<const Scan*> tried;
+    for (std::size_t in_vain = 0; in_vain < most_in_vain;) {
+      const Scan* scan = most_promising_part(known(), tried);
+      if (!scan) break;
+      tried.insert(scan);
+      const Scan* law = hidden_beside(*scan, known());
+      const bool added = add(*scan, law) || (law && !shows(*law) && add(*scan, nullptr));
+      in_vain = added ? 0 : in_vain + 1;
     }
   }
-  if (!model) return {};
-  const double closed = closed_by(*model, ground_.plain, ground_.battery);
-  return found(Named{&*model, Verdict::partly_explained, 0.5 + 0.5 * closed, {}});
+  if (!found) return {};
+  const double closed = closed_by(*found, ground_.plain, ground_.battery);
+  return atomcam::found(Named{&*found, Verdict::partly_explained, 0.5 + 0.5 * closed, {}});
+}
+
+/// Of the effects without a law of their own that were not tried, the one of which the scan says that it
+/// takes most of what is odd in its observables away; or none.
+const Scan* Search::most_promising_part(const Model& before, const std::set<const Scan*>& tried) const {
+  const Scan* best = nullptr;
+  double share = 0;
+  for (const Scan& scan : scans_) {
+    if (scan.effect->own_law || tried.contains(&scan)) continue;
+    const auto match = match_part_of_gap(before, scan, hidden_beside(scan, before),
+                                         without(scan.effect->observables, before.explains));
+    if (match && match->share > share) best = &scan, share = match->share;
+  }
+  return best;
+}
+
+/// An effect with a law of its own that shows in the same observables and is not known yet, or none.
+const Scan* Search::hidden_beside(const Scan& scan, const Model& known) const {
+  for (const Scan& one : scans_)
+    if (one.effect->own_law && !known.has(one.effect->name) && share_observables(*scan.effect, *one.effect))
+      return &one;
+  return nullptr;
 }
 
 PartMatch Search::match_in(const std::vector<std::string>& observables, const Scan& scan,

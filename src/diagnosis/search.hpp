@@ -4,6 +4,7 @@
 
 #include <array>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -81,6 +82,8 @@ class Search {
     PartMatch match;
     std::vector<std::string> observables;
   };
+  const Scan* most_promising_part(const Model& before, const std::set<const Scan*>& tried) const;
+  const Scan* hidden_beside(const Scan& scan, const Model& known) const;
   PartMatch match_in(const std::vector<std::string>& observables, const Scan& scan,
                      const ScanViews& real) const;
   bool shows(const Scan& law) const;

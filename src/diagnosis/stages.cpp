@@ -277,10 +277,17 @@ bool charge_smears(const std::vector<StatisticDeclaration>& battery, const Eigen
   return stands_out(along, z, clear, beside) && aside < across * along;
 }
 
+/// What an image is around a site, not where it is nor the charge that trails behind it.
+bool is_shape(const StatisticDeclaration& one) {
+  return has(one, ".point_spread.") && stage_of_observable(one.observable, one.darks) == "optics" &&
+         !has(one, ".point_spread.x.") && !has(one, ".point_spread.y.");
+}
+
 /// Pixels that differ in the mean of the frames with the shutter open, and not with it closed, each from its
-/// neighbours as much as from others: no light is as fine as that.
+/// neighbours as much as from others: no light is as fine as that. Images that they are seen in are a little
+/// odd with them; images of another shape make the pixels differ that they fall on.
 bool pixels_differ_in_light(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 6, beside = 0.4, quiet = 4, alike = 0.3;
+  constexpr double clear = 6, beside = 0.4, quiet = 4, alike = 0.3, of_shape = 0.7;
   const auto spread = [&](std::string_view offsets, std::string_view charge) {
     return std::max(deviation_of(offsets, battery, z), deviation_of(charge, battery, z));
   };
@@ -288,7 +295,8 @@ bool pixels_differ_in_light(const std::vector<StatisticDeclaration>& battery, co
   const double neighbours = std::max(deviation_of("light.static_offsets.neighbours.right_1", battery, z),
                                      deviation_of("light.static_offsets.neighbours.down_1", battery, z));
   return spread("dark.static_offsets.spread", "dark.static_charge.spread") < quiet &&
-         stands_out(lit, z, clear, beside) && neighbours < alike * lit;
+         stands_out(lit, z, clear, beside) && neighbours < alike * lit &&
+         lit > of_shape * largest(battery, z, is_shape);
 }
 
 /// A wave across the mean of the frames with the shutter open, and not with it closed: light that interferes.
@@ -302,23 +310,18 @@ bool light_waves(const std::vector<StatisticDeclaration>& battery, const Eigen::
   return wave(true) < quiet && stands_out(wave(false), z, clear, beside);
 }
 
-/// What an image is around a site, far more than anything else: the shape itself, not where it is nor the
-/// charge that trails behind it. Where nothing is as odd as the shape, the sites' brightness may follow, and
-/// the lines that answer to it.
+/// The shape of images far more than anything else. Where nothing is as odd, the sites' brightness may follow
+/// it, and the lines that answer to it.
 bool images_change_shape(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 15, beside = 1.5;
-  const auto shape = [](const auto& one) {
-    return has(one, ".point_spread.") && stage_of_observable(one.observable, one.darks) == "optics" &&
-           !has(one, ".point_spread.x.") && !has(one, ".point_spread.y.");
-  };
   const auto follows_shape = [](const auto& one) {
     return stage_of_observable(one.observable, one.darks) == "scene" || has(one, ".response_");
   };
-  const bool most = foremost(battery, z, shape);
+  const bool most = foremost(battery, z, is_shape);
   const double others = largest(battery, z, [&](const auto& one) {
     return stage_of_observable(one.observable, one.darks) != "optics" && !(most && follows_shape(one));
   });
-  return largest(battery, z, shape) > std::max(clear, beside * others);
+  return largest(battery, z, is_shape) > std::max(clear, beside * others);
 }
 
 /// Light in a ring about the sites that is as far out as nothing which the sensor does to a bright pixel

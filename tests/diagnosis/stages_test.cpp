@@ -291,6 +291,7 @@ TEST(Stages, PixelsThatDifferFromTheirNeighboursInLightOnlyAreTheSensors) {
   EXPECT_EQ(stage(15, 20, 1, -4), "sensor");
   EXPECT_EQ(stage(27, 29, -7, 0), "sensor");
   EXPECT_EQ(stage(27, 29, 15, 0), "optics");  // a pattern of light
+  EXPECT_EQ(stage(27, 48, 1, 0), "optics");   // images of another shape fall on them
   EXPECT_EQ(stage(9, 29, 1, 0), "optics");    // the images are far odder
 }
 

@@ -260,9 +260,10 @@ std::optional<Found> Search::clear_pair() {
   constexpr double near_soon = 2;  // distance after the first rounds of a fit
   const std::vector<PairMatch> matches = matched_pairs();
   double alone = 1e300;
-  for (const std::size_t one : {matches.front().first, matches.front().second})
+  for (const std::size_t one : {matches.front().first, matches.front().second}) {
     alone = std::min(alone, how_near(with(ground_.plain, scans_[one], scans_[one].best().best), 0.58));
-  if (alone < far_away) return {};
+    if (alone < far_away) return {};
+  }
   std::vector<Model> pairs = fit_and_judge(contenders(matches), 0.6, 0.78,
                                            {.fewer = std::min(alone, near_soon), .as_many = like_own});
   std::erase_if(pairs, [](const Model& pair) { return odd_under(pair) || !all_significant(pair); });

@@ -408,8 +408,7 @@ class Looks {
           });
     from_ += part_;
     part_ /= 2;
-    const double closed = asked_.empty() ? closed_by(model, *ground_.plain, battery_)
-                                         : closed_by(model, *ground_.plain, battery_, asked_);
+    const double closed = closed_by(model, *ground_.plain, battery_, asked_);
     return {std::move(model), closed};
   }
 

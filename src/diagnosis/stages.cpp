@@ -29,6 +29,14 @@ bool stands_out(double deviation, const Eigen::VectorXd& z, double clear, double
   return deviation > std::max(clear, beside * z.cwiseAbs().maxCoeff());
 }
 
+/// Clearly odd, and as odd as anything else or nearly so.
+template <class Counts>
+bool foremost(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
+              const Counts& counts, double clear = 8) {
+  constexpr double beside = 0.9;
+  return stands_out(largest(battery, z, counts), z, clear, beside);
+}
+
 /// Rows that vary from frame to frame with the shutter open but not with it closed: what reads them out is
 /// the same, so it is the light that flickers while the rows are exposed one after the other. Of the sites',
 /// too, where these go together along the rows: then less of it is clear.
@@ -41,14 +49,32 @@ bool light_flickers(const std::vector<StatisticDeclaration>& battery, const Eige
                     0.5);
 }
 
-/// Mean and noise that slope across the frame with the shutter open, while the noise does not with it closed:
-/// the light slopes, and its shot noise with it. Not where sites are odd far beyond that: it is the atoms'
-/// own light that slopes, and the noise about them.
+/// How the noise differs between halves of the frame, if by more than it slopes: there it steps.
+double noise_steps(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  const auto beyond = [&](std::string_view step, std::string_view slope) {
+    const double size = std::fabs(deviation_of(step, battery, z));
+    return size > std::fabs(deviation_of(slope, battery, z)) ? size : 0;
+  };
+  return std::max(beyond("light.temporal_maps.left_right", "light.temporal_maps.gradient_x"),
+                  beyond("light.temporal_maps.top_bottom", "light.temporal_maps.gradient_y"));
+}
+
+/// Two halves that an amplifier each reads: light has no edge in the middle of the sensor.
+bool halves_differ(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.5;
+  return stands_out(noise_steps(battery, z), z, clear, beside);
+}
+
+/// Mean and noise that slope across the frame with the shutter open, or fall off from the middle, while the
+/// noise does not with it closed: the light slopes, and its shot noise with it. Offsets that differ from
+/// pixel to pixel may hide it in the mean, and then nothing is odder. Not where sites are odd far beyond
+/// that: it is the atoms' own light that slopes, and the noise about them.
 bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, seen = 5, quiet = 4, far_beyond = 2;
   const auto slope = [](const StatisticDeclaration& one) {
     const std::string_view last = std::string_view(one.name).substr(one.name.rfind('.') + 1);
-    return last == "gradient_x" || last == "gradient_y" || last == "left_right" || last == "top_bottom";
+    return last == "gradient_x" || last == "gradient_y" || last == "left_right" || last == "top_bottom" ||
+           last == "radial";
   };
   // What ends at columns or rows is no slope, though it may tilt one.
   const auto lines = [](const StatisticDeclaration& one) {
@@ -63,11 +89,12 @@ bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen:
   const auto mean = [&](const StatisticDeclaration& one) {
     return slope(one) && !one.darks && one.observable == "mean_map";
   };
+  const double sloping = largest(battery, z, [&](const auto& one) { return !one.darks && noise(one); });
+  const bool hidden = foremost(battery, z, [&](const auto& one) { return !one.darks && noise(one); });
   return largest(battery, z, [&](const auto& one) { return one.darks && noise(one); }) < quiet &&
-         largest(battery, z, mean) > seen &&
-         largest(battery, z, [&](const auto& one) { return !one.darks && noise(one); }) >
-             std::max({clear, 0.4 * z.cwiseAbs().maxCoeff(), largest(battery, z, lines),
-                       largest(battery, z, sites) / far_beyond});
+         (hidden || largest(battery, z, mean) > seen) &&
+         sloping > std::max({clear, 0.4 * z.cwiseAbs().maxCoeff(), largest(battery, z, lines),
+                             largest(battery, z, sites) / far_beyond});
 }
 
 /// How frames' level away from the sites varies, with the shutter open.
@@ -105,10 +132,19 @@ bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen
 /// The sites' light changes with the light beside them, no more clearly than that: not the lamp behind the
 /// one nor the atoms, whose light hardly reaches so far, but what turns all light into counts. Exposure or
 /// gain.
-bool all_light_changes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+bool all_light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 6, beside = 0.4, no_less = 0.7;
   const double level = level_of_light(battery, z), sites = light_of_sites(battery, z);
-  return sites > std::max(clear, beside * level) && level > no_less * sites;
+  return light_flashes(battery, z) && sites > std::max(clear, beside * level) && level > no_less * sites;
+}
+
+/// The sites' light varies from frame to frame and the noise of what little light there is beside them, but
+/// not its level: it is what multiplies both.
+bool gain_flickers(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.4, seen = 5, quiet = 0.3;
+  const double noise = deviation_of("light.frames.noise.variance", battery, z);
+  return stands_out(light_of_sites(battery, z), z, clear, beside) && noise > seen &&
+         level_of_light(battery, z) < std::max(3.0, quiet * noise);
 }
 
 /// The level away from the sites rises where these fade, and falls where they brighten: light that leaves the
@@ -152,12 +188,10 @@ bool light_gathers(const std::vector<StatisticDeclaration>& battery, const Eigen
          largest(battery, z, [](const auto& one) { return has(one, ".position."); }) < clear;
 }
 
-/// Whose images move, if any: occupied sites have more noise than their light, in pixels that go together
-/// along rows and columns, while pixels that no site lights do not. All together, or about the middle of the
-/// array, which stays: the optics. Each on its own: the atoms, which move their mean as well, but by less.
-std::string_view stage_of_moving_images(const std::vector<StatisticDeclaration>& battery,
-                                        const Eigen::VectorXd& z) {
-  constexpr double clear = 8, beside = 0.4, together = 1, middle_stays = 0.3;
+/// Occupied sites that have more noise than their light, in pixels that go together along rows and columns,
+/// while pixels that no site lights do not: how much more. 0 if not so.
+double noise_of_moving_images(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.4, along = 0.3;
   const auto neighbours = [&](std::string_view where, std::string_view way) {
     return neighbours_in_light(where, way, battery, z);
   };
@@ -168,18 +202,42 @@ std::string_view stage_of_moving_images(const std::vector<StatisticDeclaration>&
       std::max(neighbours(".neighbours.dark.", "right_1"), neighbours(".neighbours.dark.", "down_1"));
   const double closed =
       largest(battery, z, [](const auto& one) { return one.darks && has(one, ".neighbours."); });
-  if (noise < std::max(clear, beside * z.cwiseAbs().maxCoeff()) || lit < beside * noise ||
-      std::max(dark, closed) > beside * lit)
-    return "";
+  const bool moving =
+      stands_out(noise, z, clear, beside) && lit > along * noise && std::max(dark, closed) < beside * lit;
+  return moving ? noise : 0;
+}
+
+/// Images that get wider along the field: the light that a site's neighbourhood holds slopes with them.
+bool width_follows_field(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 4.5;
+  return largest(battery, z, [](const auto& one) {
+           const std::string_view name = one.name;
+           return has(one, ".point_spread.width") &&
+                  (name.ends_with(".along_x") || name.ends_with(".along_y") || name.ends_with(".radial"));
+         }) > clear;
+}
+
+/// Images that move all together, or about the middle of the array, which stays, or the more the farther out
+/// they are. Or their common position varies more than anything else is odd.
+bool images_move_together(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double together = 1, middle_stays = 0.3;
+  const double noise = noise_of_moving_images(battery, z);
   const double position = largest(battery, z, [](const auto& one) {
     return has(one, ".position.") && std::string_view(one.name).ends_with(".variance");
   });
-  return position > together * noise || position < middle_stays * noise ? "optics" : "scene";
+  return (noise > 0 && (position > together * noise || position < middle_stays * noise ||
+                        width_follows_field(battery, z))) ||
+         foremost(battery, z, [](const auto& one) { return has(one, ".position."); });
+}
+
+/// Each on its own: the atoms, which move their mean as well, but by less.
+bool images_move_each(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  return noise_of_moving_images(battery, z) > 0;
 }
 
 /// Light far from the sites that comes and goes with theirs.
-bool is_far_halo(const StatisticDeclaration& one) {
-  return has(one, ".far_light.halo.");
+bool far_halo_stands_out(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  return foremost(battery, z, [](const auto& one) { return has(one, ".far_light.halo."); });
 }
 
 /// Sites whose images are displaced, but no wider, all along the stack.
@@ -202,21 +260,14 @@ bool sites_are_displaced(const std::vector<StatisticDeclaration>& battery, const
 /// distorts.
 bool field_is_displaced(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 4;
-  return largest(battery, z, [](const auto& one) {
-           return one.name == "light.point_spread.x.smooth" || one.name == "light.point_spread.y.smooth";
-         }) > clear;
+  const auto smooth = [](const auto& one) {
+    return one.name == "light.point_spread.x.smooth" || one.name == "light.point_spread.y.smooth";
+  };
+  return sites_are_displaced(battery, z) && largest(battery, z, smooth) > clear;
 }
 
-/// Clearly odd, and as odd as anything else or nearly so.
-template <class Counts>
-bool foremost(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
-              const Counts& counts, double clear = 8) {
-  constexpr double beside = 0.9;
-  return stands_out(largest(battery, z, counts), z, clear, beside);
-}
-
-/// Empty sites that all hold some light, and nothing else nearly as odd. Atoms that come and go during an
-/// exposure would show between empty and occupied, light of other atoms beyond the sites.
+/// Empty sites that all hold some light, the traps', and nothing else nearly as odd. Atoms that come and go
+/// during an exposure would show between empty and occupied, light of other atoms beyond the sites.
 bool empty_sites_glow(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, beside = 0.4;
   const auto of_the_empty = [](const auto& one) {
@@ -228,21 +279,21 @@ bool empty_sites_glow(const std::vector<StatisticDeclaration>& battery, const Ei
          largest(battery, z, [&](const auto& one) { return !of_the_empty(one); }) < beside * glow;
 }
 
-/// Empty sites glow more where an atom was in the frame before: the sensor remembers.
-bool sites_remember(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 5;
-  return deviation_of("light.sites.memory.afterglow", battery, z) > clear;
+/// More where an atom was in the frame before, or less of it all in the first frames: the sensor remembers.
+bool empty_sites_remember(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 5, builds_up = 3;
+  return (deviation_of("light.sites.memory.afterglow", battery, z) > clear ||
+          deviation_of("light.frames.level.first_frames", battery, z) < -builds_up) &&
+         empty_sites_glow(battery, z);
 }
 
-/// Whether sites hold an atom more or less often than others: loading. The light's noise over the frame
-/// follows; nothing behind the atoms does this.
-bool is_loading(const StatisticDeclaration& one) {
-  return has(one, ".sites.filling_by_site.");
-}
-
-/// The same, than before: the light's level and noise follow.
-bool is_loading_along_the_stack(const StatisticDeclaration& one) {
-  return has(one, ".sites.loading.");
+/// Sites that hold an atom more or less often than others, or than before: loading. The light's level and its
+/// noise follow; nothing behind the atoms does this.
+bool loading_stands_out(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, clear_along = 4.5;
+  const auto by_site = [](const auto& one) { return has(one, ".sites.filling_by_site."); };
+  const auto along_the_stack = [](const auto& one) { return has(one, ".sites.loading."); };
+  return foremost(battery, z, by_site, clear) || foremost(battery, z, along_the_stack, clear_along);
 }
 
 /// Occupied sites whose light varies less than the shot noise of so much of it, in their images' middle and
@@ -260,15 +311,18 @@ bool pixels_answer_otherwise(const std::vector<StatisticDeclaration>& battery, c
   return stands_out(deviation_of("light.point_spread.pixels.loneliest", battery, z), z, clear, beside);
 }
 
-/// Light far above and below the sites, in their columns: charge that is shifted while it is lit. The columns
-/// it leaves are a pattern of the mean, as stray light would leave.
-bool is_smear(const StatisticDeclaration& one) {
-  return one.observable == "column_smear";
+/// Pixels with less noise than all others, where these have the light's: they do not see it.
+bool pixels_are_blind(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 6, beside = 0.5;
+  return stands_out(deviation_of("light.temporal_maps.quiet", battery, z), z, clear, beside);
 }
 
-/// So strong that it changes images and histograms as well: above and below, not to the left and right.
+/// Light far above and below the sites, in their columns: charge that is shifted while it is lit. The columns
+/// it leaves are a pattern of the mean, as stray light would leave. So strong that it changes images and
+/// histograms as well: above and below, not to the left and right.
 bool charge_smears(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, beside = 0.25, across = 0.5;
+  if (foremost(battery, z, [](const auto& one) { return one.observable == "column_smear"; })) return true;
   const double along = std::min(deviation_of("light.far_light.up", battery, z),
                                 deviation_of("light.far_light.down", battery, z));
   const double aside = largest(battery, z, [](const auto& one) {
@@ -284,8 +338,9 @@ bool is_shape(const StatisticDeclaration& one) {
 }
 
 /// Pixels that differ in the mean of the frames with the shutter open, and not with it closed, each from its
-/// neighbours as much as from others: no light is as fine as that. Images that they are seen in are a little
-/// odd with them; images of another shape make the pixels differ that they fall on.
+/// neighbours as much as from others, in their finest waves as in all others: no light is as fine as that.
+/// Images that they are seen in are a little odd with them; images of another shape make the pixels differ
+/// that they fall on.
 bool pixels_differ_in_light(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 6, beside = 0.4, quiet = 4, alike = 0.3, of_shape = 0.7;
   const auto spread = [&](std::string_view offsets, std::string_view charge) {
@@ -296,6 +351,7 @@ bool pixels_differ_in_light(const std::vector<StatisticDeclaration>& battery, co
                                      deviation_of("light.static_offsets.neighbours.down_1", battery, z));
   return spread("dark.static_offsets.spread", "dark.static_charge.spread") < quiet &&
          stands_out(lit, z, clear, beside) && neighbours < alike * lit &&
+         deviation_of("light.static_offsets.high", battery, z) > -alike * lit &&
          lit > of_shape * largest(battery, z, is_shape);
 }
 
@@ -334,20 +390,57 @@ bool light_reaches_far(const std::vector<StatisticDeclaration>& battery, const E
   return ring > std::max({clear, beside * z.cwiseAbs().maxCoeff(), behind * trailing});
 }
 
-/// Images that get wider along the field: the light that a site's neighbourhood holds slopes with them.
-bool width_follows_field(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 4.5;
-  return largest(battery, z, [](const auto& one) {
-           const std::string_view name = one.name;
-           return has(one, ".point_spread.width") &&
-                  (name.ends_with(".along_x") || name.ends_with(".along_y") || name.ends_with(".radial"));
-         }) > clear;
+/// A deviation of the dark frames that goes against that of the light frames: what light does was taken for a
+/// noise of the sensor, and calibrated to a compromise between the two.
+bool makes_up_for_light(const StatisticDeclaration& one, double deviation,
+                        const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double seen = 3.5;
+  const double light = deviation_of("light" + one.name.substr(one.name.find('.')), battery, z);
+  return one.darks && std::fabs(light) > seen && light * deviation < 0;
 }
 
 /// Noise and counts that the light brings along, whatever it is that is odd about the light.
 bool follows_light(const StatisticDeclaration& one) {
   return !one.darks && (one.observable == "variance_map" || one.observable == "pixel_histogram");
 }
+
+/// What tells the stage by itself.
+struct Sign {
+  std::string_view stage;
+  bool (*shows)(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z);
+  bool both = false;  // only against frames with the shutter closed
+};
+
+/// The first that shows decides.
+// clang-format off
+constexpr Sign signs[] = {
+    {"optics", far_halo_stands_out},
+    {"optics", light_leaves_images},
+    {"sensor", all_light_flashes, true},
+    {"optics", light_flashes, true},
+    {"sensor", gain_flickers},
+    {"optics", light_flickers, true},
+    {"sensor", halves_differ},
+    {"optics", light_slopes, true},
+    {"optics", light_ripples, true},
+    {"scene", loading_stands_out},
+    {"sensor", charge_smears},
+    {"sensor", light_is_too_calm},
+    {"sensor", pixels_answer_otherwise},
+    {"sensor", pixels_are_blind},
+    {"sensor", pixels_differ_in_light, true},
+    {"optics", light_waves, true},
+    {"sensor", empty_sites_remember},
+    {"optics", empty_sites_glow},
+    {"optics", images_change_shape},
+    {"optics", light_reaches_far},
+    {"optics", images_move_together},
+    {"scene", images_move_each},
+    {"scene", light_gathers, true},
+    {"optics", field_is_displaced},
+    {"scene", sites_are_displaced},
+};
+// clang-format on
 
 }  // namespace
 
@@ -359,8 +452,8 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   const bool field = width_follows_field(battery, z);
   double darks = 0, all = 0;
   for (std::size_t k = 0; k < battery.size(); ++k) {
-    const double size = std::fabs(z(static_cast<Eigen::Index>(k)));
-    if (size < 3.5) continue;
+    const double deviation = z(static_cast<Eigen::Index>(k)), size = std::fabs(deviation);
+    if (size < 3.5 || makes_up_for_light(battery[k], deviation, battery, z)) continue;
     const double weight = std::log1p(size - 3) * (both && follows_light(battery[k]) ? 0.5 : 1);
     const bool of_the_field = field && has(battery[k], ".sites.by_site.");
     votes[of_the_field ? "optics" : stage_of_observable(battery[k].observable, battery[k].darks)] += weight;
@@ -369,22 +462,8 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   }
   // What shows with the shutter closed is the sensor's.
   if (darks > 0.2 * all && darks > 1) return "sensor";
-  if (foremost(battery, z, is_far_halo) || light_leaves_images(battery, z)) return "optics";
-  if (both && light_flashes(battery, z)) return all_light_changes(battery, z) ? "sensor" : "optics";
-  if (both && (light_flickers(battery, z) || light_slopes(battery, z) || light_ripples(battery, z)))
-    return "optics";
-  if (foremost(battery, z, is_loading) || foremost(battery, z, is_loading_along_the_stack, 4.5))
-    return "scene";
-  if (foremost(battery, z, is_smear) || charge_smears(battery, z) || light_is_too_calm(battery, z) ||
-      pixels_answer_otherwise(battery, z) || (both && pixels_differ_in_light(battery, z)))
-    return "sensor";
-  if (both && light_waves(battery, z)) return "optics";
-  if (empty_sites_glow(battery, z)) return sites_remember(battery, z) ? "sensor" : "optics";  // traps' light
-  if (images_change_shape(battery, z) || light_reaches_far(battery, z)) return "optics";
-  if (const std::string_view stage = stage_of_moving_images(battery, z); !stage.empty())
-    return std::string(stage);
-  if (both && light_gathers(battery, z)) return "scene";
-  if (sites_are_displaced(battery, z)) return field_is_displaced(battery, z) ? "optics" : "scene";
+  for (const Sign& sign : signs)
+    if ((both || !sign.both) && sign.shows(battery, z)) return std::string(sign.stage);
   if (!hypotheses.empty()) {
     // The stage of the known effects that come closest, as far as these take anything away.
     std::set<std::vector<std::string>> not_seen;

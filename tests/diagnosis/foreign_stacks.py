@@ -1090,6 +1090,377 @@ def lost_packets(s, k):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
+# In no catalogue either, and written without a look at how atomcam tells effects and stages apart.
+
+
+def move_sites(s, offsets):
+    """Every site's image by its own way in every frame: (2, frames, sites) in px, no more than 2 of them."""
+    seen = None
+
+    def see(light, dark):
+        nonlocal seen
+        seen = light.copy()
+        return light
+
+    def move(mean, dark):
+        if dark:
+            return mean
+        images, light, off = s.site_images(), seen * s.brightness, np.clip(offsets, -2, 2) * FINE
+        whole = np.rint(off)
+        part, reach = off - whole, int(np.abs(whole).max()) + 1
+        change = -(light.astype(np.float32) @ s.binned(images).reshape(s.sites, -1))
+
+        def weight(axis, at):  # parabolic, as in `scattered`, but between parts of a pixel
+            d, v = at - whole[axis], part[axis]
+            return np.where(d == 0, 1 - v * v, np.where(np.abs(d) == 1, 0.5 * v * (v + d), 0))
+
+        for dy in range(-reach, reach + 1):
+            for dx in range(-reach, reach + 1):
+                share = light * weight(0, dx) * weight(1, dy)
+                if share.any():
+                    pixels = s.binned(np.roll(images, (dy, dx), (1, 2)))
+                    change += share.astype(np.float32) @ pixels.reshape(s.sites, -1)
+        return np.maximum(0, mean + s.electrons_per_atom * change.reshape(mean.shape))
+
+    s.on("light", see)
+    s.on("mean", move)
+
+
+@effect("scene", listed=False)
+def patch_loss(s, k):
+    """Now and then all atoms of a patch are gone at one moment, before the exposure or in it."""
+    rows, columns = s.lattice
+
+    def lose(light, dark):
+        for n in np.flatnonzero(s.rng.random(s.count) < 0.1 * k):
+            a = s.rng.integers(s.sites)
+            near = np.hypot(rows - rows[a], columns - columns[a]) < 1.5
+            light[n, near] = np.minimum(light[n, near], max(0, s.rng.uniform(-1, 1)))
+        return light
+
+    s.on("light", lose)
+
+
+@effect("scene", listed=False)
+def heating(s, k):
+    """Atoms get hot in the light, some much sooner than others: fainter then, and their images wider."""
+    hot = None
+
+    def heat(light, dark):
+        nonlocal hot
+        rate = s.rng.exponential(0.3 * k, light.shape)
+        hot = np.maximum(0, light + np.expm1(-rate * light) / rate)
+        return light - 0.4 * hot
+
+    def widen(mean, dark):
+        if dark:
+            return mean
+        images = s.site_images()
+        f = np.fft.fftfreq(images.shape[-1]) * FINE
+        blur = np.exp(-2 * np.pi**2 * 0.8**2 * (f[:, None] ** 2 + f[: f.size // 2 + 1] ** 2))
+        wider = np.fft.irfft2(np.fft.rfft2(images) * blur, images.shape[1:]) - images
+        share = 0.6 * hot * s.brightness * s.electrons_per_atom
+        return np.maximum(0, mean + (share @ s.binned(wider).reshape(s.sites, -1)).reshape(mean.shape))
+
+    s.on("light", heat)
+    s.on("mean", widen)
+
+
+@effect("scene", listed=False)
+def site_beats(s, k):
+    """Tones of neighbouring traps beat: every site's brightness swings with a period of its own."""
+    period, phase = s.rng.uniform(4, 60, s.sites), s.rng.uniform(0, 2 * np.pi, s.sites)
+    swing = 1 + 0.1 * k * np.sin(2 * np.pi * np.arange(s.count)[:, None] / period + phase)
+
+    s.on("light", lambda light, dark: light * swing)
+
+
+@effect("scene", listed=False)
+def addressed_line(s, k):
+    """A beam along one row or column of traps is left on in some frames, and these atoms are brighter."""
+    lines = s.lattice[int(s.rng.integers(2))]
+    here = lines == s.rng.integers(lines.max() + 1)
+    left_on = s.rng.random((s.count, 1)) < 0.2
+
+    s.on("light", lambda light, dark: light * (1 + 0.2 * k * (left_on & here)))
+
+
+@effect("scene", listed=False)
+def rearranged_frames(s, k):
+    """In some frames the atoms have been sorted towards the middle, but for those lost on the way."""
+    x, y = s.field()
+    order = np.argsort(np.maximum(np.abs(x), np.abs(y)))
+
+    def sort(light, dark):
+        for n in np.flatnonzero(s.rng.random(s.count) < 0.1 * k):
+            atoms = s.rng.permutation(light[n, light[n] > 0])
+            light[n] = 0
+            light[n, order[: atoms.size]] = atoms * (s.rng.random(atoms.size) < 0.95)
+        return light
+
+    s.on("light", sort)
+
+
+@effect("scene", listed=False)
+def second_isotope(s, k):
+    """Some atoms are of a fainter kind, more of them in some loads than in others."""
+
+    def mix(light, dark):
+        other = s.rng.random(light.shape) < np.minimum(0.8, 0.05 * k * s.rng.exponential(1, (s.count, 1)))
+        return light * np.where(other, 0.55, 1)
+
+    s.on("light", mix)
+
+
+@effect("scene", listed=False)
+def wandering_sites(s, k):
+    """Traps move about slowly, each by itself."""
+    memory = s.rng.uniform(20, 80)
+    move_sites(s, 0.12 * k * np.array([[s.slow(s.count, memory) for _ in s.x] for _ in "xy"]).transpose(0, 2, 1))
+
+
+@effect("scene", listed=False)
+def crowding(s, k):
+    """The more atoms there are in a frame, the fainter they all are."""
+
+    def crowd(light, dark):
+        atoms = np.sum(light > 0, 1, keepdims=True)
+        return light * np.maximum(0.2, 1 - 0.25 * k * (atoms / max(1, atoms.mean()) - 1))
+
+    s.on("light", crowd)
+
+
+@effect("optics", listed=False)
+def static_speckle(s, k):
+    """Stray light of a laser off something rough, as fine as the objective lets it be."""
+    side = s.size * FINE
+    f = np.fft.fftfreq(side) * FINE
+    pupil = np.hypot(f, f[:, None]) < s.aperture / s.wavelength * s.pixel / s.magnification
+    field = np.fft.ifft2(pupil * (s.rng.normal(0, 1, (side, side)) + 1j * s.rng.normal(0, 1, (side, side))))
+    speckle = s.binned(np.abs(field) ** 2)
+    s.background = s.background * (1 + min(1, 0.2 * k) * (speckle / speckle.mean() - 1))
+
+
+@effect("optics", listed=False)
+def elongated_spots(s, k):
+    """Every atom emits as its own axis has it, and its image is longer in some direction."""
+    plain, angle = s.site_images, s.rng.uniform(0, np.pi, s.sites)
+    ways = np.rint(2 * np.array([np.sin(angle), np.cos(angle)])).astype(int).T
+    share = np.minimum(0.8, 0.3 * k * s.rng.random(s.sites))
+
+    def longer():
+        images = plain()
+        for image, way, part in zip(images, ways, share):
+            image += part * (0.5 * (np.roll(image, way, (0, 1)) + np.roll(image, -way, (0, 1))) - image)
+        return images
+
+    s.site_images = longer
+
+
+@effect("optics", listed=False)
+def moving_hair(s, k):
+    """A hair on a window, out of focus, that creeps over the image and shades all light."""
+    x, y = s.pixels()
+    angle = s.rng.uniform(0, 2 * np.pi)
+    across, along = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
+    at = s.rng.uniform(-0.4, 0.4) + 0.15 * s.slow(s.count, 60)[:, None, None]
+    shade = 1 - min(0.9, 0.25 * k) * np.exp(-(((across + 0.2 * along**2 - at) / 0.07) ** 2))
+
+    s.on("mean", lambda mean, dark: mean if dark else mean * shade)
+
+
+@effect("optics", listed=False)
+def field_astigmatism(s, k):
+    """None in the middle, ever more to the corners, turned with the direction."""
+    x, y = s.field()
+    s.wavefront[:, 1] += 0.025 * k * 2 * x * y
+    s.wavefront[:, 2] += 0.025 * k * (x**2 - y**2)
+
+
+@effect("optics", listed=False)
+def wedged_window(s, k):
+    """Light that is reflected twice in a window: every spot once more, faint and close by."""
+    plain, angle, far = s.site_images, s.rng.uniform(0, 2 * np.pi), s.rng.uniform(2, 4) * FINE
+    way = (int(round(far * np.sin(angle))), int(round(far * np.cos(angle))))
+
+    def double():
+        images = plain()
+        return images + np.float32(0.03 * k) * (np.roll(images, way, (1, 2)) - images)
+
+    s.site_images = double
+
+
+@effect("optics", listed=False)
+def shutter_blade(s, k):
+    """A sluggish blade stands in the light at one side, a little farther in or out in every frame."""
+    x, y = s.pixels()
+    angle = s.rng.uniform(0, 2 * np.pi)
+    edge = 0.6 + 0.12 * s.rng.normal(0, 1, (s.count, 1, 1))
+    shade = 1 - min(0.9, 0.3 * k) / (1 + np.exp((edge - x * np.cos(angle) - y * np.sin(angle)) / 0.07))
+
+    s.on("mean", lambda mean, dark: mean if dark else mean * shade)
+
+
+@effect("optics", listed=False)
+def light_leak(s, k):
+    """Room light that something glows with comes in from one edge, and fades along the stack."""
+    x, y = s.pixels()
+    depth = (1 + x, 1 - x, 1 + y, 1 - y)[int(s.rng.integers(4))]
+    glow = s.stray * k * np.exp(-depth / 0.35) * np.exp(-3 * np.arange(s.count) / s.count)[:, None, None]
+
+    s.on("mean", lambda mean, dark: mean if dark else mean + glow)
+
+
+@effect("optics", listed=False)
+def condensation(s, k):
+    """A cold window mists over: a halo of every atom that grows from frame to frame."""
+    f = np.fft.fftfreq(s.size)
+    fx, fy = np.meshgrid(f, f)
+    wide = 1 / (1 + (2 * np.pi * s.rng.uniform(4, 9)) ** 2 * (fx**2 + fy**2)) ** 1.5  # falls off exponentially
+    share = min(0.5, 0.12 * k) * np.linspace(0, 1, s.count)
+
+    def mist(mean, dark):
+        if dark:
+            return mean
+        for n, part in enumerate(share):
+            light = mean[n] - s.stray * s.background
+            mean[n] += part * (np.fft.ifft2(np.fft.fft2(light) * wide).real - light)
+        return np.maximum(0, mean)
+
+    s.on("mean", mist)
+
+
+@effect("sensor", listed=False)
+def stuck_bit(s, k):
+    """One bit of the converter is always read as one."""
+    bit = {0.5: 1, 1: 2, 2: 4}[k]
+
+    s.on("counts", lambda counts, dark: (np.rint(counts).astype(int) | bit).astype(float))
+
+
+@effect("sensor", listed=False)
+def two_taps(s, k):
+    """Left and right half are read by amplifiers of their own."""
+    gain = 1 + 0.025 * k * np.where(np.arange(s.size) < s.size // 2, 1, -1) * s.rng.choice([-1, 1])
+
+    s.on("signal", lambda signal, dark: signal * gain)
+
+
+@effect("sensor", listed=False)
+def undershoot(s, k):
+    """After a bright pixel the amplifier is low for the next few of the row."""
+
+    def under(signal, dark):
+        out = signal.copy()
+        for step in (1, 2, 3):
+            out[:, :, step:] -= 0.012 * k * 0.5 ** (step - 1) * signal[:, :, :-step]
+        return out
+
+    s.on("signal", under)
+
+
+@effect("sensor", listed=False)
+def row_clamp(s, k):
+    """A row's level is held by its mean, and so rows with much light are low."""
+    s.on("signal", lambda signal, dark: signal - 0.02 * k * signal.mean(2, keepdims=True))
+
+
+@effect("sensor", "emccd", listed=False)
+def blooming(s, k):
+    """From bright pixels charge flows over to the rows above and below."""
+    knee = 0.06 * s.electrons_per_atom
+
+    def bloom(electrons, dark):
+        for _ in range(3):
+            over = s.rng.binomial(np.maximum(0, electrons - knee).astype(int), min(0.5, 0.06 * k))
+            up = s.rng.binomial(over, 0.5)
+            electrons = electrons - over
+            electrons[:, :-1] += up[:, 1:]
+            electrons[:, 1:] += (over - up)[:, :-1]
+        return electrons
+
+    s.on("electrons", bloom)
+
+
+@effect("sensor", listed=False)
+def ping_pong(s, k):
+    """Two converters take turns from frame to frame."""
+
+    def turns(values):
+        return (np.arange(len(values)) % 2 * 2 - 1)[:, None, None]
+
+    s.on("signal", lambda signal, dark: signal * (1 + 0.015 * k * turns(signal)))
+    s.on("counts", lambda counts, dark: counts + 0.04 * k * s.read_noise * turns(counts))
+
+
+@effect("sensor", "emccd", listed=False)
+def spike_filter(s, k):
+    """Firmware that takes a pixel far above all its neighbours for noise and puts their median there."""
+    least = max(6 * s.read_noise, {0.5: 4, 1: 2.5, 2: 1.5}[k] * s.em_gain / s.electrons_per_count)
+    steps = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
+
+    def despike(counts, dark):
+        for frame in counts:
+            around = np.array([np.roll(frame, step, (0, 1)) for step in steps])
+            some = frame - s.bias > np.maximum(least, 3 * (around.max(0) - s.bias))
+            frame[some] = np.median(around[:, some], 0)
+        return counts
+
+    s.on("counts", despike)
+
+
+@effect("sensor", listed=False)
+def frame_averaging(s, k):
+    """Firmware that leaves a little of the frame before in every frame, noise and all."""
+
+    def average(counts, dark):
+        for n in range(1, len(counts)):
+            counts[n] += 0.03 * k * (counts[n - 1] - counts[n])
+        return counts
+
+    s.on("counts", average)
+
+
+@effect("sensor", listed=False)
+def sharpening(s, k):
+    """Firmware that takes a little of the four neighbours from every pixel."""
+
+    def sharpen(counts, dark):
+        around = sum(np.roll(counts, step, (1, 2)) for step in ((0, 1), (0, -1), (1, 0), (-1, 0)))
+        return counts + 0.012 * k * (4 * counts - around)
+
+    s.on("counts", sharpen)
+
+
+@effect("sensor", "qcmos", listed=False)
+def column_gain(s, k):
+    """Every column has its own amplifier."""
+    gain = np.maximum(0.5, s.rng.normal(1, 0.03 * k, s.size))
+
+    s.on("signal", lambda signal, dark: signal * gain)
+
+
+@effect("sensor", listed=False)
+def slipped_rows(s, k):
+    """Now and then a row comes one pixel late."""
+
+    def slip(counts, dark):
+        some = s.rng.random(counts.shape[:2]) < 0.008 * k
+        counts[some] = np.roll(counts[some], 1, 1)
+        return counts
+
+    s.on("counts", slip)
+
+
+@effect("sensor", listed=False)
+def black_clamp(s, k):
+    """Nothing is stored below a level a little under the bias."""
+    floor = s.bias - {0.5: 1.6, 1: 1.1, 2: 0.5}[k] * s.read_noise
+
+    s.on("counts", lambda counts, dark: np.maximum(counts, floor))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
 
 
 def write_tiff(path, frames):

@@ -52,6 +52,26 @@ TEST(Stages, NoiseThatSlopesWithTheMeanInLightOnlyIsTheLights) {
   EXPECT_EQ(stage(35, 0, 6, 1, 0, 75), "scene");  // the atoms' own light
 }
 
+TEST(Stages, NoiseThatSlopesWhereOffsetsHideTheMeanIsTheLights) {
+  const std::vector<StatisticDeclaration> slopes = {
+      {"light.temporal_maps.gradient_y", "variance_map", "space", "whole frame", false},
+      {"light.temporal_maps.top_bottom", "variance_map", "space", "whole frame", false},
+      {"light.temporal_maps.radial", "variance_map", "space", "whole frame", false},
+      {"light.static_offsets.gradient_y", "mean_map", "space", "whole frame", false},
+      {"light.sites.by_site.few_waves", "site_brightness", "site", "occupied sites", false},
+      {"dark.temporal_maps.radial", "variance_map", "space", "whole frame", true}};
+  const auto stage = [&](double gradient, double halves, double radial, double sites, double mean = 0) {
+    Eigen::VectorXd z(6);
+    z << gradient, halves, radial, mean, sites, 0;
+    return stage_of_differences(slopes, z, {});
+  };
+  EXPECT_EQ(stage(28, -18, 0, 3), "optics");
+  EXPECT_EQ(stage(14, -13, 0, 19), "scene");      // the atoms' own light, beyond what sites differ by
+  EXPECT_EQ(stage(14, -13, 0, 19, 6), "optics");  // and that of the mean
+  EXPECT_EQ(stage(0, 0, -14, 3), "optics");       // falls off from the middle
+  EXPECT_EQ(stage(-31, 34, 0, 8), "sensor");      // steps in the middle: two amplifiers
+}
+
 TEST(Stages, FramesWithMoreLightThanOthersAreTheLights) {
   const std::vector<StatisticDeclaration> frames = {
       {"light.frames.level.variance", "frame_means", "time", "dark pixels", false},
@@ -89,6 +109,18 @@ TEST(Stages, AllLightThatChangesAlikeIsTheSensors) {
   EXPECT_EQ(stage(42, 19, 23), "sensor");
   EXPECT_EQ(stage(42, 19, 4), "optics");   // the light behind the sites
   EXPECT_NE(stage(42, 19, 80), "sensor");  // the atoms' own, which reaches far
+}
+
+TEST(Stages, NoiseThatVariesWithTheSitesLightAndNoLevelIsOfTheGain) {
+  const std::vector<StatisticDeclaration> frames = {
+      {"light.sites.common.variance", "brightness_series", "time", "occupied sites", false},
+      {"light.frames.noise.variance", "frame_means", "time", "dark pixels", false},
+      {"light.frames.level.variance", "frame_means", "time", "dark pixels", false}};
+  const auto stage = [&](double sites, double noise, double level) {
+    return stage_of_differences(frames, Eigen::Vector3d(sites, noise, level), {});
+  };
+  EXPECT_EQ(stage(24, 7, 0.6), "sensor");
+  EXPECT_EQ(stage(24, 2, 0.6), "scene");
 }
 
 TEST(Stages, ALevelThatDriftsWithItsNoiseIsTheLights) {
@@ -143,6 +175,31 @@ TEST(Stages, OnePixelThatAnswersOtherwiseIsTheSensors) {
   };
   EXPECT_EQ(stage(9), "sensor");
   EXPECT_EQ(stage(5), "scene");
+}
+
+TEST(Stages, PixelsThatDoNotSeeTheLightAreTheSensors) {
+  const std::vector<StatisticDeclaration> pixels = {
+      {"light.temporal_maps.quiet", "variance_map", "space", "whole frame", false},
+      {"light.static_offsets.lowest", "mean_map", "space", "whole frame", false}};
+  const auto stage = [&](double quiet, double lowest) {
+    return stage_of_differences(pixels, Eigen::Vector2d(quiet, lowest), {});
+  };
+  EXPECT_EQ(stage(15, 12), "sensor");
+  EXPECT_EQ(stage(15, 40), "optics");  // something far darker than that
+  EXPECT_EQ(stage(5, 8), "optics");    // hardly any
+}
+
+TEST(Stages, ACommonPositionThatVariesMostIsOfTheOptics) {
+  const std::vector<StatisticDeclaration> moving = {
+      {"light.position.x.variance", "centroid_series", "time", "all sites", false},
+      {"light.image_noise.occupied.core", "mean_variance_curve", "intensity", "occupied sites", false},
+      {"light.neighbours.all.right_1", "horizontal_correlation", "space", "whole frame", false},
+      {"light.neighbours.all.down_1", "vertical_correlation", "space", "whole frame", false}};
+  const auto stage = [&](double position, double noise) {
+    return stage_of_differences(moving, Eigen::Vector4d(position, noise, 13, 16), {});
+  };
+  EXPECT_EQ(stage(63, 50), "optics");
+  EXPECT_EQ(stage(40, 50), "sensor");  // noise that pixels have by themselves
 }
 
 TEST(Stages, ImagesThatMoveAreTheAtomsOrTheOptics) {
@@ -238,13 +295,17 @@ TEST(Stages, EmptySitesThatGlowAndNothingElseAreOfTheOptics) {
       {"light.sites.partial", "site_histogram", "intensity", "all sites", false},
       {"light.sites.memory.afterglow", "lag_correlation", "time", "all sites", false},
       {"light.pixel_histogram.tail_fill", "pixel_histogram", "intensity", "dark pixels", false},
-      {"light.image_noise.empty.core", "mean_variance_curve", "intensity", "empty sites", false}};
-  const auto stage = [&](double empty, double partial, double afterglow = 0) {
-    return stage_of_differences(sites, Eigen::Vector<double, 6>(empty, 15, partial, afterglow, 3, 8), {});
+      {"light.image_noise.empty.core", "mean_variance_curve", "intensity", "empty sites", false},
+      {"light.frames.level.first_frames", "frame_means", "time", "dark pixels", false}};
+  const auto stage = [&](double empty, double partial, double afterglow = 0, double first_frames = 0) {
+    Eigen::VectorXd z(7);
+    z << empty, 15, partial, afterglow, 3, 8, first_frames;
+    return stage_of_differences(sites, z, {});
   };
   EXPECT_EQ(stage(11, -3.5), "optics");
-  EXPECT_EQ(stage(30, -3.5, 8), "sensor");  // that remembers where atoms were
-  EXPECT_EQ(stage(11, 6), "scene");         // atoms that leave before the end
+  EXPECT_EQ(stage(30, -3.5, 8), "sensor");      // that remembers where atoms were
+  EXPECT_EQ(stage(21, -3.5, 0, -4), "sensor");  // for so long that the stack begins darker
+  EXPECT_EQ(stage(11, 6), "scene");             // atoms that leave before the end
   EXPECT_EQ(stage(-11, 1), "scene");
   EXPECT_EQ(stage(7, 1), "scene");
 }
@@ -284,15 +345,33 @@ TEST(Stages, PixelsThatDifferFromTheirNeighboursInLightOnlyAreTheSensors) {
       {"light.static_charge.spread", "mean_map", "space", "whole frame", false},
       {"light.point_spread.misfit.wing", "point_spread_width", "shape", "all sites", false},
       {"light.static_offsets.neighbours.down_1", "mean_map", "space", "whole frame", false},
-      {"dark.static_charge.spread", "mean_map", "space", "whole frame", true}};
-  const auto stage = [&](double spread, double images, double neighbours, double darks) {
-    return stage_of_differences(pixels, Eigen::Vector4d(spread, images, neighbours, darks), {});
+      {"dark.static_charge.spread", "mean_map", "space", "whole frame", true},
+      {"light.static_offsets.high", "mean_map", "frequency", "whole frame", false}};
+  const auto stage = [&](double spread, double images, double neighbours, double darks, double high = 1) {
+    return stage_of_differences(pixels, Eigen::Vector<double, 5>(spread, images, neighbours, darks, high),
+                                {});
   };
   EXPECT_EQ(stage(15, 20, 1, -4), "sensor");
   EXPECT_EQ(stage(27, 29, -7, 0), "sensor");
-  EXPECT_EQ(stage(27, 29, 15, 0), "optics");  // a pattern of light
-  EXPECT_EQ(stage(27, 48, 1, 0), "optics");   // images of another shape fall on them
-  EXPECT_EQ(stage(9, 29, 1, 0), "optics");    // the images are far odder
+  EXPECT_EQ(stage(27, 29, 15, 0), "optics");       // a pattern of light
+  EXPECT_EQ(stage(27, 29, -7, 0, -14), "optics");  // with no waves as fine as pixels
+  EXPECT_EQ(stage(27, 48, 1, 0), "optics");        // images of another shape fall on them
+  EXPECT_EQ(stage(9, 29, 1, 0), "optics");         // the images are far odder
+}
+
+// What varies in the light is taken for offsets of pixels: of too few then with the shutter open, of too many
+// with it closed.
+TEST(Stages, DarkFramesThatMakeUpForTheLightSayNothing) {
+  const std::vector<StatisticDeclaration> maps = {
+      {"light.static_offsets.spread", "mean_map", "space", "whole frame", false},
+      {"light.static_offsets.peak_oblique", "mean_map", "frequency", "whole frame", false},
+      {"dark.static_offsets.spread", "mean_map", "space", "whole frame", true}};
+  const auto stage = [&](double light, double darks) {
+    return stage_of_differences(maps, Eigen::Vector3d(light, 31, darks), {});
+  };
+  EXPECT_EQ(stage(7, -9), "optics");
+  EXPECT_EQ(stage(7, 9), "sensor");
+  EXPECT_EQ(stage(2, -9), "sensor");
 }
 
 TEST(Stages, ImagesThatStrongSmearWidensAreTheSensors) {

@@ -65,6 +65,19 @@ bool halves_differ(const std::vector<StatisticDeclaration>& battery, const Eigen
   return stands_out(noise_steps(battery, z), z, clear, beside);
 }
 
+/// Columns or rows of other noise than their neighbours, not just more of it to one side: an amplifier each.
+bool lines_differ(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double beside = 0.5;
+  const auto noise = [](const StatisticDeclaration& one, const auto&... ends) {
+    return !one.darks && has(one, ".temporal_maps.") && (std::string_view(one.name).ends_with(ends) || ...);
+  };
+  const auto lines = [&](const auto& one) { return noise(one, ".columns", ".rows"); };
+  const auto slopes = [&](const auto& one) {
+    return noise(one, ".gradient_x", ".gradient_y", ".left_right", ".top_bottom", ".radial");
+  };
+  return foremost(battery, z, lines) && largest(battery, z, slopes) < beside * largest(battery, z, lines);
+}
+
 /// Mean and noise that slope across the frame with the shutter open, or fall off from the middle, while the
 /// noise does not with it closed: the light slopes, and its shot noise with it. Offsets that differ from
 /// pixel to pixel may hide it in the mean, and then nothing is odder. Not where sites are odd far beyond
@@ -147,12 +160,16 @@ bool gain_flickers(const std::vector<StatisticDeclaration>& battery, const Eigen
          level_of_light(battery, z) < std::max(3.0, quiet * noise);
 }
 
-/// The level away from the sites rises where these fade, and falls where they brighten: light that leaves the
-/// middle of their images for what is around them. Atoms that shine less leave less of it there, too.
+/// The level away from the sites rises where these fade, and falls where they brighten, or drifts the other
+/// way: light that leaves the middle of their images for what is around them. Atoms that shine less leave
+/// less of it there, too.
 bool light_leaves_images(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 6, against = 4.5, beside = 0.4;
+  const double sites = deviation_of("light.sites.common.trend", battery, z),
+               level = deviation_of("light.frames.level.trend", battery, z);
+  const bool drift_apart = sites * level < 0 && std::min(std::fabs(sites), std::fabs(level)) > clear;
   return stands_out(light_of_sites(battery, z), z, clear, beside) &&
-         deviation_of("light.frames.level_against_light", battery, z) < -against;
+         (drift_apart || deviation_of("light.frames.level_against_light", battery, z) < -against);
 }
 
 /// How pixels go together with those on one side of them, with the shutter open.
@@ -355,6 +372,21 @@ bool pixels_differ_in_light(const std::vector<StatisticDeclaration>& battery, co
          lit > of_shape * largest(battery, z, is_shape);
 }
 
+/// A smooth pattern in the mean of the frames with the shutter open, and not with it closed, and nothing
+/// odder: light falls where it should not.
+bool light_is_uneven(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double quiet = 4;
+  const auto pattern = [&](bool darks) {
+    return [darks](const StatisticDeclaration& one) {
+      const std::string_view name = one.name;
+      return one.darks == darks && name.find(".static_") != name.npos &&
+             (name.ends_with(".saddle") || name.ends_with(".diagonal") || name.ends_with(".radial") ||
+              name.ends_with(".gradient_x") || name.ends_with(".gradient_y"));
+    };
+  };
+  return largest(battery, z, pattern(true)) < quiet && foremost(battery, z, pattern(false));
+}
+
 /// A wave across the mean of the frames with the shutter open, and not with it closed: light that interferes.
 /// The sites' brightness follows, and may be odder.
 bool light_waves(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
@@ -428,7 +460,9 @@ constexpr Sign signs[] = {
     {"sensor", light_is_too_calm},
     {"sensor", pixels_answer_otherwise},
     {"sensor", pixels_are_blind},
+    {"sensor", lines_differ},
     {"sensor", pixels_differ_in_light, true},
+    {"optics", light_is_uneven, true},
     {"optics", light_waves, true},
     {"sensor", empty_sites_remember},
     {"optics", empty_sites_glow},

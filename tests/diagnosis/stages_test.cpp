@@ -189,6 +189,34 @@ TEST(Stages, PixelsThatDoNotSeeTheLightAreTheSensors) {
   EXPECT_EQ(stage(5, 8), "optics");    // hardly any
 }
 
+TEST(Stages, ColumnsOfOtherNoiseAreTheSensors) {
+  const std::vector<StatisticDeclaration> columns = {
+      {"light.temporal_maps.columns", "variance_map", "space", "columns", false},
+      {"light.temporal_maps.gradient_x", "variance_map", "space", "whole frame", false},
+      {"light.sites.by_site.spread", "site_brightness", "site", "occupied sites", false},
+      {"light.sites.by_site.few_waves", "site_brightness", "site", "occupied sites", false}};
+  const auto stage = [&](double noise, double slope, double sites) {
+    return stage_of_differences(columns, Eigen::Vector4d(noise, slope, sites, sites), {});
+  };
+  EXPECT_EQ(stage(18, 3, 17), "sensor");
+  EXPECT_EQ(stage(18, 14, 17), "scene");  // the light slopes
+  EXPECT_EQ(stage(18, 3, 25), "scene");   // as sites differ
+}
+
+TEST(Stages, AMeanThatIsUnevenInLightOnlyIsOfTheOptics) {
+  const std::vector<StatisticDeclaration> mean = {
+      {"light.static_offsets.saddle", "mean_map", "space", "whole frame", false},
+      {"light.readout_spectrum.peak_along_rows", "row_spectrum", "frequency", "whole frame", false},
+      {"light.readout_spectrum.peak_along_columns", "row_spectrum", "frequency", "whole frame", false},
+      {"dark.static_offsets.saddle", "mean_map", "space", "whole frame", true}};
+  const auto stage = [&](double saddle, double lines, double darks) {
+    return stage_of_differences(mean, Eigen::Vector4d(saddle, lines, lines, darks), {});
+  };
+  EXPECT_EQ(stage(-73, 17, 1), "optics");
+  EXPECT_EQ(stage(-12, 17, 1), "sensor");
+  EXPECT_EQ(stage(-73, 17, -60), "sensor");
+}
+
 TEST(Stages, ACommonPositionThatVariesMostIsOfTheOptics) {
   const std::vector<StatisticDeclaration> moving = {
       {"light.position.x.variance", "centroid_series", "time", "all sites", false},
@@ -402,6 +430,19 @@ TEST(Stages, LightThatLeavesTheImagesForWhatIsAroundThemIsOfTheOptics) {
   EXPECT_EQ(stage(-12, 5.2, 5), "scene");    // the atoms shine less, all around
   EXPECT_EQ(stage(-12, -3, 5), "scene");     // chance
   EXPECT_EQ(stage(-5, -5.2, 60), "sensor");  // hardly any of it is the sites' light
+}
+
+TEST(Stages, ALevelThatRisesWhileTheSitesFadeIsOfTheOptics) {
+  const std::vector<StatisticDeclaration> series = {
+      {"light.sites.common.trend", "brightness_series", "time", "occupied sites", false},
+      {"light.frames.level.trend", "frame_means", "time", "dark pixels", false},
+      {"light.frames.noise.trend", "frame_means", "time", "dark pixels", false},
+      {"dark.frames.level.trend", "frame_means", "time", "dark pixels", true}};
+  const auto stage = [&](double sites, double level, double noise) {
+    return stage_of_differences(series, Eigen::Vector4d(sites, level, noise, 0), {});
+  };
+  EXPECT_EQ(stage(-10, 9.6, 5.6), "optics");
+  EXPECT_EQ(stage(10, 9.6, 5.6), "sensor");  // all light alike: what turns it into counts
 }
 
 TEST(Stages, ImagesThatAreDisplacedButNoWiderAreOfAtomsElsewhere) {

@@ -365,6 +365,10 @@ Model plain_model(const RealStack& real, int stacks, const StackPlan& plan,
   plain.lab = real.calibration->lab;
   plain.open = calibration_uncertainty(*real.calibration);
   if (auto stages = register_uncertainty(*real.calibration)) plain.open.push_back(std::move(*stages));
+  const FrameChoice& darks = plan.dark_frames.count() > 0 ? plan.dark_frames : plan.frames;
+  const auto dark_pixels = static_cast<double>(darks.count() * plan.model.shape.pixels());
+  for (Uncertain& one : dark_current_uncertainty(*real.calibration, dark_pixels))
+    plain.open.push_back(std::move(one));
   plain.first_effect_parameter = static_cast<Eigen::Index>(plain.open.size());
   // The calibration's own bias is taken out first: simulated stacks shall calibrate as the real one did.
   recalibrate(plain, real, plan, numbers_of("plain calibration"));

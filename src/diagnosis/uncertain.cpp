@@ -85,6 +85,32 @@ Uncertain spread_of(std::string name, double usual, double QcmosDescription::*sp
   return one;
 }
 
+/// Dark current of a qCMOS, whose single electrons hide beside the read noise: no calibration says how many
+/// there are, and data sheets are off by tens of percent.
+Uncertain dark_current() {
+  return relative(
+      "dark_current", 0.25,
+      [](Lab& l, double factor) { std::get<QcmosDescription>(l.sensor).dark_rate_e_per_s *= factor; },
+      [](const Calibration&) { return 1.0; });
+}
+
+/// How unevenly the pixels have it, as the relative spread of the gamma law, 1 / sqrt(shape), over all that
+/// sensors are known for: hardly, or nearly all of it in a few pixels (8).
+Uncertain dark_current_spread() {
+  constexpr double middle = 2.5, width = 2, least = 0.2, most = 8;
+  Uncertain one = shift(
+      "dark_current_spread", width,
+      [=](Lab& l, double by) {
+        const double spread = std::clamp(middle + by, least, most);
+        std::get<QcmosDescription>(l.sensor).dark_gamma_shape = 1 / (spread * spread);
+      },
+      [](const Calibration&) { return 0.0; });
+  one.value = [=](double c) { return middle + c; };
+  one.lowest = one.least = least - middle;
+  one.highest = one.most = most - middle;
+  return one;
+}
+
 }  // namespace
 
 bool Uncertain::is_of(const std::vector<std::string>& effects) const {
@@ -255,6 +281,14 @@ std::optional<Uncertain> register_uncertainty(const Calibration& calibration) {
   one.lowest = -1;
   one.highest = one.farthest = 1;
   return one;
+}
+
+std::vector<Uncertain> dark_current_uncertainty(const Calibration& calibration, double dark_pixels) {
+  constexpr double few = 300;  // electrons
+  const Lab& lab = calibration.lab;
+  const auto* qcmos = std::get_if<QcmosDescription>(&lab.sensor);
+  if (!qcmos || qcmos->dark_rate_e_per_s * lab.settings.exposure_s * dark_pixels < few) return {};
+  return {dark_current(), dark_current_spread()};
 }
 
 std::vector<Uncertain> effect_prior(const EffectDeclaration& effect, double frame_px, double frames) {

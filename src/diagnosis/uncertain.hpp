@@ -66,6 +66,11 @@ std::vector<Uncertain> calibration_uncertainty(const Calibration& calibration);
 /// little light shows it, and charge that is born in the register would pass for it.
 std::optional<Uncertain> register_uncertainty(const Calibration& calibration);
 
+/// Of a qCMOS: its dark current, and how unevenly the pixels have it. Calibration does not say, as single
+/// electrons hide beside the read noise; the statistics of `dark_pixels` (pixels times frames with the
+/// shutter closed) do. Nothing where these hold too few electrons to tell any difference.
+std::vector<Uncertain> dark_current_uncertainty(const Calibration& calibration, double dark_pixels);
+
 /// The parameters of an effect over the whole range that is worth a look; the first is the strength
 /// (logarithmic). Switching the effect on is part of applying any of them. No length in the image exceeds
 /// `frame_px`, the frame's longer side, no period seven tenths of it, and no time twice the `frames` of the

@@ -65,6 +65,33 @@ TEST(Diagnose, APlainStackHasNoGapAndAKeptResultSaysTheSame) {
   EXPECT_FALSE(std::filesystem::is_empty(cache.path()));
 }
 
+// Single electrons in every pixel alike, half as many as the data sheet says, where the preset has nearly all
+// of them in a few pixels.
+TEST(Diagnose, ADarkCurrentThatPixelsHaveMoreEvenlyIsNoGap) {
+  BlindOptions blind;
+  blind.rows = blind.columns = 64;
+  blind.none_share = 1;
+  std::uint64_t number = 0;
+  BlindStack stack = make_blind_stack(blind, number);
+  while (stack.lab.kind() != CameraKind::qcmos) stack = make_blind_stack(blind, ++number);
+  Notes notes = parse_notes(stack.notes, "notes");
+  notes.exposure_s = stack.lab.settings.exposure_s = 0.3;
+  notes.dark_e_per_s = 0.02;
+  auto& sensor = std::get<QcmosDescription>(stack.lab.sensor);
+  sensor.dark_rate_e_per_s = 0.6 * notes.dark_e_per_s;
+  sensor.dark_gamma_shape = 2;
+  StackPlan plan;
+  plan.frames = 120;
+  plan.dark_frames = 60;
+  const auto frames = simulate_stack(stack.lab, plan, 1, true),
+             darks = simulate_stack(stack.lab, plan, 1, false);
+  DiagnosisOptions options;
+  options.threads = 2;
+  options.where_only = true;
+  const Diagnosis found = diagnose(notes, *frames, darks.get(), options);
+  EXPECT_EQ(found.verdict, Verdict::no_gap) << found.sentence;
+}
+
 TEST(Diagnose, AnEffectIsNamedAndClosesTheGapAndWithoutItNothingDoes) {
   Case rows("row_noise");
   const Diagnosis found = rows.diagnose({"row_noise"});

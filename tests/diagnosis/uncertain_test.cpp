@@ -57,6 +57,37 @@ TEST(Uncertain, ASpreadThatWasEstimatedAsNoneIsAsOpenAsAnyOther) {
   EXPECT_NEAR(spread->offset(calibration, other), -0.004, 1e-12);
 }
 
+TEST(Uncertain, AQcmosDarkCurrentIsOpenAndHowUnevenlyPixelsHaveIt) {
+  Calibration calibration;
+  calibration.lab = preset("orca-quest");
+  calibration.lab.settings.exposure_s = 0.1;
+  constexpr double dark_pixels = 1e6;
+  const auto open = dark_current_uncertainty(calibration, dark_pixels);
+  const auto of = [&](std::string_view name) {
+    return std::find_if(open.begin(), open.end(), [&](const Uncertain& one) { return one.name == name; });
+  };
+  const auto rate = of("dark_current"), spread = of("dark_current_spread");
+  ASSERT_NE(rate, open.end());
+  ASSERT_NE(spread, open.end());
+  const auto shape_at = [&](double coordinate) {
+    Lab lab = calibration.lab;
+    spread->apply(lab, coordinate);
+    return std::get<QcmosDescription>(lab.sensor).dark_gamma_shape;
+  };
+  EXPECT_NEAR(shape_at(spread->highest), 1.0 / 64, 1e-12);  // nearly all of it in a few pixels
+  EXPECT_NEAR(shape_at(spread->lowest), 25, 1e-9);          // all alike
+  EXPECT_NEAR(shape_at(-1e3), 25, 1e-9);
+  EXPECT_NEAR(spread->value(spread->highest), 8, 1e-12);
+  Lab lab = calibration.lab;
+  rate->apply(lab, std::log(1.4));
+  EXPECT_NEAR(std::get<QcmosDescription>(lab.sensor).dark_rate_e_per_s,
+              1.4 * std::get<QcmosDescription>(calibration.lab.sensor).dark_rate_e_per_s, 1e-12);
+  EXPECT_GT(rate->width, 0.2);
+  EXPECT_TRUE(dark_current_uncertainty(calibration, 1e5).empty());  // some tens of electrons
+  calibration.lab = preset("ixon-ultra-897");  // calibrated with its clock-induced charge
+  EXPECT_TRUE(dark_current_uncertainty(calibration, dark_pixels).empty());
+}
+
 TEST(Uncertain, ARegistersStagesAreOpenWhereItMultipliesLight) {
   Calibration calibration;
   calibration.lab = preset("orca-quest");

@@ -24,6 +24,8 @@ std::string stage_of_observable(std::string_view observable, bool darks) {
 
 namespace {
 
+constexpr double odd = 3.5;  // deviations: what has a say in the stage
+
 /// Clear, and more than that part of the largest deviation of all.
 bool stands_out(double deviation, const Eigen::VectorXd& z, double clear, double beside) {
   return deviation > std::max(clear, beside * z.cwiseAbs().maxCoeff());
@@ -65,16 +67,27 @@ bool halves_differ(const std::vector<StatisticDeclaration>& battery, const Eigen
   return stands_out(noise_steps(battery, z), z, clear, beside);
 }
 
+/// A change from one side of the frame to the other, or from its middle outwards.
+bool is_slope(const StatisticDeclaration& one) {
+  const std::string_view last = std::string_view(one.name).substr(one.name.rfind('.') + 1);
+  return last == "gradient_x" || last == "gradient_y" || last == "left_right" || last == "top_bottom" ||
+         last == "radial";
+}
+
+/// Of each pixel's noise in time, with the shutter open or closed.
+bool is_slope_of_noise(const StatisticDeclaration& one, bool darks) {
+  return one.darks == darks && has(one, ".temporal_maps.") && is_slope(one);
+}
+
 /// Columns or rows of other noise than their neighbours, not just more of it to one side: an amplifier each.
 bool lines_differ(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double beside = 0.5;
-  const auto noise = [](const StatisticDeclaration& one, const auto&... ends) {
-    return !one.darks && has(one, ".temporal_maps.") && (std::string_view(one.name).ends_with(ends) || ...);
+  const auto lines = [](const StatisticDeclaration& one) {
+    const std::string_view name = one.name;
+    return !one.darks && has(one, ".temporal_maps.") &&
+           (name.ends_with(".columns") || name.ends_with(".rows"));
   };
-  const auto lines = [&](const auto& one) { return noise(one, ".columns", ".rows"); };
-  const auto slopes = [&](const auto& one) {
-    return noise(one, ".gradient_x", ".gradient_y", ".left_right", ".top_bottom", ".radial");
-  };
+  const auto slopes = [](const auto& one) { return is_slope_of_noise(one, false); };
   return foremost(battery, z, lines) && largest(battery, z, slopes) < beside * largest(battery, z, lines);
 }
 
@@ -84,28 +97,21 @@ bool lines_differ(const std::vector<StatisticDeclaration>& battery, const Eigen:
 /// that: it is the atoms' own light that slopes, and the noise about them.
 bool light_slopes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, seen = 5, quiet = 4, far_beyond = 2;
-  const auto slope = [](const StatisticDeclaration& one) {
-    const std::string_view last = std::string_view(one.name).substr(one.name.rfind('.') + 1);
-    return last == "gradient_x" || last == "gradient_y" || last == "left_right" || last == "top_bottom" ||
-           last == "radial";
-  };
   // What ends at columns or rows is no slope, though it may tilt one.
   const auto lines = [](const StatisticDeclaration& one) {
     return !one.darks && (has(one, ".columns") || has(one, ".rows"));
   };
-  const auto noise = [&](const StatisticDeclaration& one) {
-    return slope(one) && has(one, ".temporal_maps.");
-  };
   const auto sites = [](const StatisticDeclaration& one) {
     return stage_of_observable(one.observable, one.darks) == "scene";
   };
-  const auto mean = [&](const StatisticDeclaration& one) {
-    return slope(one) && !one.darks && one.observable == "mean_map";
+  const auto mean = [](const StatisticDeclaration& one) {
+    return is_slope(one) && !one.darks && one.observable == "mean_map";
   };
-  const double sloping = largest(battery, z, [&](const auto& one) { return !one.darks && noise(one); });
-  const bool hidden = foremost(battery, z, [&](const auto& one) { return !one.darks && noise(one); });
-  return largest(battery, z, [&](const auto& one) { return one.darks && noise(one); }) < quiet &&
-         (hidden || largest(battery, z, mean) > seen) &&
+  const auto noise = [](const auto& one) { return is_slope_of_noise(one, false); };
+  const auto dark_noise = [](const auto& one) { return is_slope_of_noise(one, true); };
+  const double sloping = largest(battery, z, noise);
+  return largest(battery, z, dark_noise) < quiet &&
+         (foremost(battery, z, noise) || largest(battery, z, mean) > seen) &&
          sloping > std::max({clear, 0.4 * z.cwiseAbs().maxCoeff(), largest(battery, z, lines),
                              largest(battery, z, sites) / far_beyond});
 }
@@ -426,9 +432,9 @@ bool light_reaches_far(const std::vector<StatisticDeclaration>& battery, const E
 /// noise of the sensor, and calibrated to a compromise between the two.
 bool makes_up_for_light(const StatisticDeclaration& one, double deviation,
                         const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double seen = 3.5;
+  if (!one.darks) return false;
   const double light = deviation_of("light" + one.name.substr(one.name.find('.')), battery, z);
-  return one.darks && std::fabs(light) > seen && light * deviation < 0;
+  return std::fabs(light) > odd && light * deviation < 0;
 }
 
 /// Noise and counts that the light brings along, whatever it is that is odd about the light.
@@ -487,7 +493,7 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   double darks = 0, all = 0;
   for (std::size_t k = 0; k < battery.size(); ++k) {
     const double deviation = z(static_cast<Eigen::Index>(k)), size = std::fabs(deviation);
-    if (size < 3.5 || makes_up_for_light(battery[k], deviation, battery, z)) continue;
+    if (size < odd || makes_up_for_light(battery[k], deviation, battery, z)) continue;
     const double weight = std::log1p(size - 3) * (both && follows_light(battery[k]) ? 0.5 : 1);
     const bool of_the_field = field && has(battery[k], ".sites.by_site.");
     votes[of_the_field ? "optics" : stage_of_observable(battery[k].observable, battery[k].darks)] += weight;

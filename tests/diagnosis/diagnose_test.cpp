@@ -30,13 +30,10 @@ class Case {
     if (!effect.empty()) options.effects = {effect};
     BlindStack stack = make_blind_stack(options, 3);
     for (const auto& [name, values] : others) stack.lab.effects[name] = values;
-    StackPlan plan;
-    plan.frames = 120;
-    plan.dark_frames = 60;
-    frames_ = simulate_stack(stack.lab, plan, 1, true);
-    darks_ = simulate_stack(stack.lab, plan, 1, false);
     notes_ = parse_notes(stack.notes, "notes");
+    simulate(stack.lab);
   }
+  Case(const Lab& lab, Notes notes) : notes_(std::move(notes)) { simulate(lab); }
   Diagnosis diagnose(const std::vector<std::string>& include, const std::vector<std::string>& exclude = {},
                      const std::filesystem::path& cache = {}) {
     DiagnosisOptions options;
@@ -48,6 +45,14 @@ class Case {
   }
 
  private:
+  void simulate(const Lab& lab) {
+    StackPlan plan;
+    plan.frames = 120;
+    plan.dark_frames = 60;
+    frames_ = simulate_stack(lab, plan, 1, true);
+    darks_ = simulate_stack(lab, plan, 1, false);
+  }
+
   Notes notes_;
   std::unique_ptr<FrameSequence> frames_, darks_;
 };
@@ -80,15 +85,7 @@ TEST(Diagnose, ADarkCurrentThatPixelsHaveMoreEvenlyIsNoGap) {
   auto& sensor = std::get<QcmosDescription>(stack.lab.sensor);
   sensor.dark_rate_e_per_s = 0.6 * notes.dark_e_per_s;
   sensor.dark_gamma_shape = 2;
-  StackPlan plan;
-  plan.frames = 120;
-  plan.dark_frames = 60;
-  const auto frames = simulate_stack(stack.lab, plan, 1, true),
-             darks = simulate_stack(stack.lab, plan, 1, false);
-  DiagnosisOptions options;
-  options.threads = 2;
-  options.where_only = true;
-  const Diagnosis found = diagnose(notes, *frames, darks.get(), options);
+  const Diagnosis found = Case(stack.lab, std::move(notes)).diagnose({"row_noise"});
   EXPECT_EQ(found.verdict, Verdict::no_gap) << found.sentence;
 }
 

@@ -1,6 +1,7 @@
 #include "diagnosis/blind.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -15,7 +16,7 @@ namespace {
 
 class Draw {
  public:
-  Draw(std::uint64_t seed, std::uint64_t number) : random_(seed, stream_id("blind"), number, 0) {}
+  Draw(const char* of, std::uint64_t seed, std::uint64_t number) : random_(seed, stream_id(of), number, 0) {}
   double uniform(double low, double high) {
     return low + (high - low) * (static_cast<double>(random_()) + 0.5) * 0x1p-32;
   }
@@ -28,7 +29,33 @@ class Draw {
   RandomStream random_;
 };
 
-Notes set_points(bool emccd, const BlindOptions& options, Draw& draw) {
+struct Objective {
+  double wavelength_um, numerical_aperture;
+};
+constexpr std::array<Objective, 3> objectives{{{0.461, 0.65}, {0.556, 0.6}, {0.78, 0.55}}};
+constexpr std::array<double, 5> em_gains{100, 200, 300, 500, 900};
+constexpr std::array<double, 3> preamps{4.85, 9.2, 15.5};  // electrons per count
+constexpr std::array<double, 4> biases{100, 200, 300, 500};
+
+/// Set-points as of other laboratories: atom, objective, exposure, gains, stray light, filling. An image of
+/// an atom stays about as sharp in pixels, as it does where somebody chose the magnification.
+void of_another_lab(Notes& notes, Draw& draw) {
+  const double sharpness = notes.wavelength_um / notes.numerical_aperture;
+  const Objective& objective = objectives[draw.index(objectives.size())];
+  notes.wavelength_um = objective.wavelength_um;
+  notes.numerical_aperture = objective.numerical_aperture;
+  notes.magnification *=
+      draw.uniform(0.85, 1.3) * sharpness * objective.numerical_aperture / objective.wavelength_um;
+  notes.exposure_s = draw.logarithmic(0.02, 0.3);
+  notes.stray_e_per_s *= draw.logarithmic(0.3, 4);
+  notes.filling = draw.uniform(0.35, 0.9);
+  notes.bias_counts = biases[draw.index(biases.size())];
+  if (notes.kind != CameraKind::emccd) return;
+  notes.em_gain = em_gains[draw.index(em_gains.size())];
+  notes.electrons_per_count = preamps[draw.index(preamps.size())];
+}
+
+Notes set_points(bool emccd, const BlindOptions& options, Draw& draw, Draw& other) {
   Notes notes;
   notes.place = "blind";
   notes.camera = emccd ? "iXon Ultra 897" : "ORCA-Quest";
@@ -49,8 +76,13 @@ Notes set_points(bool emccd, const BlindOptions& options, Draw& draw) {
   notes.survival = 0.97;
   NotedGrid grid;
   grid.spacing_px = draw.uniform(9, 11.5);
+  if (options.any_lab) {
+    of_another_lab(notes, other);
+    grid.spacing_px = other.uniform(7, 16);
+  }
   const auto fitting = [&](int pixels) {
-    return std::max(2, static_cast<int>((pixels - 22) / grid.spacing_px) + 1);
+    const int left_out = options.any_lab ? static_cast<int>(other.index(4)) : 0;
+    return std::max(2, static_cast<int>((pixels - 22) / grid.spacing_px) + 1 - left_out);
   };
   grid.rows = fitting(options.rows);
   grid.columns = fitting(options.columns);
@@ -107,11 +139,11 @@ std::vector<const EffectDeclaration*> effects_on(CameraKind kind, const BlindOpt
 }  // namespace
 
 BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
-  Draw draw(options.seed, number);
+  Draw draw("blind", options.seed, number), other("blind lab", options.seed, number);
   bool emccd = draw.uniform(0, 1) < 0.5;
   const auto kind_of = [](bool is_emccd) { return is_emccd ? CameraKind::emccd : CameraKind::qcmos; };
   if (effects_on(kind_of(emccd), options).empty()) emccd = !emccd;
-  const Notes notes = set_points(emccd, options, draw);
+  const Notes notes = set_points(emccd, options, draw, other);
   BlindStack stack;
   stack.notes = notes_text(notes);
   Lab& lab = stack.lab;
@@ -140,7 +172,7 @@ BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
   }
   lab.scene.scattering_rate_hz *= draw.uniform(0.8, 1.3);
   lab.stray_light_photons_per_s *= draw.uniform(0.7, 1.6);
-  lab.scene.filling = draw.uniform(0.45, 0.68);
+  lab.scene.filling = std::min(0.97, notes.filling + draw.uniform(-0.1, 0.13));
   lab.scene.survival = draw.uniform(0.93, 0.995);
   auto& grid = std::get<SiteGrid>(lab.layout);
   grid.offset_x += draw.uniform(-0.8, 0.8);

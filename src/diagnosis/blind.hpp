@@ -25,6 +25,9 @@ struct BlindStack {
 struct BlindOptions {
   std::uint64_t seed = 1;
   int rows = 96, columns = 96;
+  /// Exposure, gains, bias, optics, stray light, filling and grid of all kinds; else of one usual lab per
+  /// camera. What the notes do not tell is drawn either way.
+  bool any_lab = false;
   /// Effects to choose from; empty: the catalogue.
   std::vector<std::string> effects;
   double none_share = 0.2, pair_share = 0.2;

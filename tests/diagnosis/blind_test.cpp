@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <set>
+
+#include "calibration/notes.hpp"
 
 namespace atomcam {
 namespace {
@@ -37,6 +40,30 @@ TEST(Blind, SharesAreThoseAskedFor) {
   // Five standard deviations.
   EXPECT_NEAR(none, 0.3 * stacks, 5 * std::sqrt(stacks * 0.3 * 0.7));
   EXPECT_NEAR(pairs, 0.4 * stacks, 5 * std::sqrt(stacks * 0.4 * 0.6));
+}
+
+TEST(Blind, LabsOfAllKindsDifferInWhatTheirNotesTell) {
+  BlindOptions options;
+  options.none_share = 1;
+  std::set<double> exposures, gains, wavelengths;
+  for (const bool any : {false, true}) {
+    options.any_lab = any;
+    exposures = gains = wavelengths = {};
+    for (std::uint64_t number = 0; number < 40; ++number) {
+      const BlindStack stack = make_blind_stack(options, number);
+      const Notes notes = parse_notes(stack.notes, "blind");
+      exposures.insert(notes.exposure_s);
+      gains.insert(notes.em_gain);
+      wavelengths.insert(notes.wavelength_um);
+      EXPECT_EQ(stack.lab.settings.exposure_s, notes.exposure_s);
+      EXPECT_NEAR(stack.lab.settings.em_gain / notes.em_gain, 1, 0.2);
+      EXPECT_NEAR(stack.lab.settings.bias_counts, notes.bias_counts, 3);
+      EXPECT_NEAR(stack.lab.scene.filling, notes.filling, 0.13);
+    }
+    EXPECT_EQ(exposures.size(), any ? 40u : 1u);
+    EXPECT_EQ(gains.size(), any ? 6u : 2u);  // that of a qCMOS is 1
+    EXPECT_EQ(wavelengths.size(), any ? 3u : 1u);
+  }
 }
 
 }  // namespace

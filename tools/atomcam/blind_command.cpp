@@ -190,6 +190,7 @@ void add_blind_command(CLI::App& app) {
   command->require_subcommand(1);
   auto to_make = std::make_shared<MakeOptions>();
   to_make->blind.threads = 0;
+  to_make->blind.any_lab = true;
   CLI::App* making = command->add_subcommand("make", "Write stacks with random sealed effects");
   making
       ->add_option("-o,--out", to_make->output,
@@ -231,6 +232,9 @@ void add_blind_command(CLI::App& app) {
       "--of-detection", to_make->blind.of_detection,
       "Unit of strength: that at which 9 of 10 stacks show a gap (measured for each stack's lab, "
       "some seconds to minutes), not the effect's default");
+  making->add_flag(
+      "--usual-lab{false}", to_make->blind.any_lab,
+      "Set-points of one lab per camera (exposure 80 ms, EM gain 300, ...), not of all kinds of labs");
   making->add_option("--threads", to_make->blind.threads, "Threads (default: all cores)")
       ->check(CLI::Range(1, 1024));
   making->footer(

@@ -4,17 +4,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <optional>
 #include <vector>
 
 #include "base/error.hpp"
 #include "base/quantile.hpp"
-#include "simulation/parallel.hpp"
 
 namespace atomcam {
 namespace {
 
-constexpr int null_stacks = 160, stacks = 24, calibrated_stacks = 6;  // the latter two: at each strength
+constexpr int null_stacks = 160, stacks = 24;  // at each strength
 // Standard deviations at which a known signal is seen in nine of ten at gap_level: normal quantiles of 99.6 %
 // and 90 %.
 constexpr double known_signal = 2.6521 + 1.2816;
@@ -29,66 +28,30 @@ DetectionGround::DetectionGround(const Lab& lab, const Notes& notes, std::size_t
   plan_.dark_frames = dark_frames;
   plan_.split = split_of(frames);
   plan_.threads = threads;
+  none_ = judge(lab_, "detection/none").halves();
+}
+
+DetectionGround::Judged DetectionGround::judge(const Lab& lab, std::string_view stream) const {
+  // The same chance at every strength.
   const std::uint64_t number = numbers_of("detection/calibrated");
-  const auto light = simulate_stack(lab_, plan_, number, true);
-  const auto darks = dark_frames > 0 ? simulate_stack(lab_, plan_, number, false) : nullptr;
+  const auto light = simulate_stack(lab, plan_, number, true);
+  const auto darks = plan_.dark_frames.count() > 0 ? simulate_stack(lab, plan_, number, false) : nullptr;
   CalibrationInput input;
-  input.notes = notes;
+  input.notes = notes_;
   input.frames = light.get();
   input.darks = darks.get();
-  calibration_ = calibrate(input);
-  plan_.model = calibration_.model;
-  const BatteryValues values = measure(plan_.model, *light, darks.get(), plan_.split);
-  const RealStack real{&values, &calibration_, &notes};
-  plain_ = plain_model(real, null_stacks, plan_);
-  own_offset_ = mean_offset(lab_);
-  own_middle_ = plain_middle(Eigen::VectorXd::Zero(own_offset_.size()));
-  none_ = halves_of(residuals(simulate_population(lab_, {}, stacks, plan_, numbers_of("detection/none")),
-                              Eigen::VectorXd::Zero(own_middle_.size())));
-  own_ = compressed_rows(tolerated_own(plain_));
-  without_fold_ = correlations_without_each_fold(plain_.standard->own());
-}
-
-Eigen::VectorXd DetectionGround::mean_offset(const Lab& lab) const {
-  const auto parameters = static_cast<Eigen::Index>(plain_.open.size());
-  Eigen::MatrixXd offsets =
-      Eigen::MatrixXd::Constant(parameters, calibrated_stacks, std::numeric_limits<double>::quiet_NaN());
-  const std::uint64_t first = numbers_of("detection/calibrations");
-  parallel_for(calibrated_stacks, plan_.threads, 1, [&](int n) {
-    const auto number = first + static_cast<std::uint64_t>(n);
-    const auto light = simulate_stack(lab, plan_, number, true);
-    const auto darks = plan_.dark_frames.count() > 0 ? simulate_stack(lab, plan_, number, false) : nullptr;
-    CalibrationInput input;
-    input.notes = notes_;
-    input.frames = light.get();
-    input.darks = darks.get();
-    input.like = &calibration_;
-    try {
-      const Calibration one = calibrate(input);
-      for (Eigen::Index k = 0; k < parameters; ++k)
-        offsets(k, n) = plain_.open[static_cast<std::size_t>(k)].offset(one, calibration_);
-    } catch (const Error&) {
-      // A stack that cannot be calibrated says nothing.
-    }
-  });
-  Eigen::VectorXd mean = Eigen::VectorXd::Zero(parameters);
-  for (Eigen::Index k = 0; k < parameters; ++k) {
-    double sum = 0, count = 0;
-    for (const double offset : offsets.row(k))
-      if (std::isfinite(offset)) sum += offset, count += 1;
-    if (count > 0) mean(k) = sum / count;
-  }
-  return mean;
-}
-
-Eigen::VectorXd DetectionGround::plain_middle(const Eigen::VectorXd& offset) const {
-  Eigen::VectorXd coordinates = offset;
-  for (Eigen::Index k = 0; k < offset.size(); ++k)
-    coordinates(k) += plain_.open[static_cast<std::size_t>(k)].centre;
-  return simulate_population(plain_.lab_at(coordinates), {}, stacks, plan_, numbers_of("detection/plain"))
-      .whole.colwise()
-      .mean()
-      .transpose();
+  const Calibration calibration = calibrate(input);
+  StackPlan plan = plan_;
+  plan.model = calibration.model;
+  const BatteryValues values = measure(plan.model, *light, darks.get(), plan.split);
+  Judged judged{plain_model({&values, &calibration, &notes_}, null_stacks, plan), {}};
+  const Population population = simulate_population(lab, {}, stacks, plan, numbers_of(stream));
+  const Standard& plain = *judged.plain.standard;
+  judged.residuals.resize(population.whole.rows(), population.whole.cols());
+  for (Eigen::Index n = 0; n < population.whole.rows(); ++n)
+    judged.residuals.row(n) =
+        plain.tolerated(plain.judge_recalibrated(population.whole.row(n).transpose())).transpose();
+  return judged;
 }
 
 DetectionGround::Seen DetectionGround::look(const EffectDeclaration& effect, ParameterValues values,
@@ -96,36 +59,22 @@ DetectionGround::Seen DetectionGround::look(const EffectDeclaration& effect, Par
   Lab lab = lab_;
   values.front() = strength;
   lab.effects[effect.name] = values;
-  const Population population = simulate_population(
-      lab, {}, stacks, plan_, numbers_of(fmt::format("detection/{}/{}", effect.name, strength)));
-  // What calibrating them absorbs: the plain model that they are compared with follows it. Means of a few
-  // stacks each: of what may be chance is taken off, hundreds of statistics would add up to a distance.
-  const double chance = 2 * std::sqrt(2.0 / stacks);
-  const Eigen::VectorXd followed =
-      (plain_middle(mean_offset(lab) - own_offset_) - own_middle_)
-          .binaryExpr(plain_.standard->deviation(), [chance](double by, double deviation) {
-            return beyond_chance(by, chance * deviation);
-          });
-  const Eigen::MatrixXd rest = residuals(population, followed);
+  std::optional<Judged> stacks_with_it;
+  try {
+    stacks_with_it = judge(lab, fmt::format("detection/{}/{}", effect.name, strength));
+  } catch (const Error&) {
+    return {-1e3, 0};  // so strong that its stacks are refused
+  }
+  const Judged& judged = *stacks_with_it;
   std::vector<double> p_values;
-  for (const auto& stack : rest.rowwise()) p_values.push_back(plain_.test->p_value(stack.transpose()));
-  Halves seen = halves_of(rest);
+  for (const auto& stack : judged.residuals.rowwise())
+    p_values.push_back(judged.plain.test->p_value(stack.transpose()));
+  Halves seen = judged.halves();
   for (std::size_t half = 0; half < 2; ++half) seen[half] -= none_[half];
-  return {std::log(std::max(1e-300, quantile(p_values, 0.9))), squared_distance(seen)};
+  return {std::log(std::max(1e-300, quantile(p_values, 0.9))), squared_distance(judged.plain, seen)};
 }
 
-Eigen::MatrixXd DetectionGround::residuals(const Population& population,
-                                           const Eigen::VectorXd& followed) const {
-  Eigen::MatrixXd rest(population.whole.rows(), population.whole.cols());
-  for (Eigen::Index n = 0; n < rest.rows(); ++n)
-    rest.row(n) =
-        plain_.standard
-            ->tolerated(plain_.standard->judge_recalibrated(population.whole.row(n).transpose() - followed))
-            .transpose();
-  return rest;
-}
-
-DetectionGround::Halves DetectionGround::halves_of(const Eigen::MatrixXd& residuals) {
+DetectionGround::Halves DetectionGround::Judged::halves() const {
   const Eigen::MatrixXd seen = compressed_rows(residuals);
   Halves half;
   for (auto& sum : half) sum.setZero(seen.cols());
@@ -136,17 +85,19 @@ DetectionGround::Halves DetectionGround::halves_of(const Eigen::MatrixXd& residu
 
 /// Correlations of hundreds of statistics are known from fewer stacks: how far stacks that they were not
 /// learned from scatter along the effect's way is what it has to stand out of.
-double DetectionGround::squared_distance(const Halves& from_none) const {
+double DetectionGround::squared_distance(const Model& plain, const Halves& from_none) const {
+  const Eigen::MatrixXd own = compressed_rows(tolerated_own(plain));
+  const std::vector<Correlation> without_fold = correlations_without_each_fold(plain.standard->own());
   const Eigen::VectorXd way = 0.5 * (from_none[0] + from_none[1]);
   double scatter = 0;
   for (int fold = 0; fold < Standard::folds; ++fold) {
-    const Eigen::VectorXd filter = without_fold_[static_cast<std::size_t>(fold)].weighed(way).col(0);
+    const Eigen::VectorXd filter = without_fold[static_cast<std::size_t>(fold)].weighed(way).col(0);
     const double norm = way.dot(filter);
-    for (Eigen::Index n = fold; n < own_.rows(); n += Standard::folds)
-      scatter += std::pow(own_.row(n).dot(filter), 2) / norm;
+    for (Eigen::Index n = fold; n < own.rows(); n += Standard::folds)
+      scatter += std::pow(own.row(n).dot(filter), 2) / norm;
   }
-  return from_none[0].dot(plain_.correlation->weighed(from_none[1]).col(0)) /
-         (scatter / static_cast<double>(own_.rows()));
+  return from_none[0].dot(plain.correlation->weighed(from_none[1]).col(0)) /
+         (scatter / static_cast<double>(own.rows()));
 }
 
 DetectionStrength DetectionGround::of(const EffectDeclaration& effect, ParameterValues values) const {
@@ -177,7 +128,7 @@ DetectionStrength DetectionGround::of(const EffectDeclaration& effect, Parameter
     found.reached = weaker;
   } else {
     Point below = weaker ? far : near, above = weaker ? near : far;
-    for (int step = 0; step < 3; ++step) {
+    for (int step = 0; step < 2; ++step) {
       const Point middle = at(0.5 * (below.log_strength + above.log_strength));
       (middle.seen.log_p < level ? above : below) = middle;
     }

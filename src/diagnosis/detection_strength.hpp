@@ -19,7 +19,7 @@ struct DetectionStrength {
   bool reached = true;
 };
 
-/// Stacks of one lab without effects and how they are judged: what detection is measured against.
+/// Stacks of one lab, how they are calibrated and judged: what detection is measured on.
 class DetectionGround {
  public:
   /// `lab`: the truth; its stacks are calibrated with the notes.
@@ -36,26 +36,21 @@ class DetectionGround {
   };
   /// Compressed residuals, means over either half of some stacks: their scatter is not taken for signal.
   using Halves = std::array<Eigen::VectorXd, 2>;
-  static Halves halves_of(const Eigen::MatrixXd& residuals);
-  /// A row per stack. `followed`: what the plain model's statistics do as calibrating absorbs a part of the
-  /// effect.
-  Eigen::MatrixXd residuals(const Population& population, const Eigen::VectorXd& followed) const;
-  double squared_distance(const Halves& from_none) const;
+  struct Judged {
+    Model plain;
+    Eigen::MatrixXd residuals;  // a row per stack
+    Halves halves() const;
+  };
+  /// Stacks of the lab, judged by the plain model about one of them: calibrating it has absorbed what it can
+  /// of an effect, and the plain model scatters as it does there.
+  Judged judge(const Lab& lab, std::string_view stream) const;
+  double squared_distance(const Model& plain, const Halves& from_none) const;
   Seen look(const EffectDeclaration& effect, ParameterValues values, double strength) const;
-  /// By how much some stacks' calibrations say more than the one that the plain model is about, on average.
-  Eigen::VectorXd mean_offset(const Lab& lab) const;
-  /// Mean statistics of plain stacks whose parameters are so far from the plain model's.
-  Eigen::VectorXd plain_middle(const Eigen::VectorXd& offset) const;
 
   Lab lab_;
   Notes notes_;
   StackPlan plan_;
-  Calibration calibration_;
-  Model plain_;
-  Eigen::VectorXd own_offset_, own_middle_;  // of stacks without an effect
   Halves none_;
-  Eigen::MatrixXd own_;  // compressed residuals of the plain model's stacks, a row each
-  std::vector<Correlation> without_fold_;
 };
 
 }  // namespace atomcam

@@ -28,17 +28,6 @@ constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model al
 constexpr double hardly_any = 0.04;            // part of a model's own stacks
 constexpr double shows = 0.9;                  // part of the plain model's stacks that have less
 
-/// The observable in which a model has its largest gap.
-std::string most_missed(const Model& model, const std::vector<StatisticDeclaration>& battery) {
-  std::map<std::string, double> gaps;
-  for (const StatisticDeclaration& one : battery)
-    if (!gaps.contains(one.observable))
-      gaps[one.observable] = gap_of(model.z.cwiseProduct(only_of({one.observable}, battery)));
-  return std::max_element(gaps.begin(), gaps.end(),
-                          [](const auto& a, const auto& b) { return a.second < b.second; })
-      ->first;
-}
-
 /// Far more than its own stacks have, and not just the last digits of a law: no effect of the catalogue is
 /// right to all of them. Stacks that scatter widely are not odd with it, but somebody else made it.
 bool leaves_much(const GapClosed& held_out) {
@@ -61,6 +50,16 @@ double shown_in(const Eigen::VectorXd& z) {
 }
 
 }  // namespace
+
+std::string most_missed(const Model& model, const std::vector<StatisticDeclaration>& battery) {
+  std::map<std::string, double> gaps;
+  for (const StatisticDeclaration& one : battery)
+    if (!gaps.contains(one.observable))
+      gaps[one.observable] = gap_of(model.z.cwiseProduct(only_of({one.observable}, battery)));
+  return std::max_element(gaps.begin(), gaps.end(),
+                          [](const auto& a, const auto& b) { return a.second < b.second; })
+      ->first;
+}
 
 double clear_difference_of(const Eigen::MatrixXd& own, double least) {
   std::vector<double> largest;

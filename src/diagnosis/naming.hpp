@@ -21,6 +21,9 @@ inline constexpr double least_closed_if_rejected = 0.96;
 /// Of the gap in its own observables, for an effect to be named that explains no others.
 inline constexpr double least_part_closed = 0.75;
 
+/// The observable in which a model has its largest gap.
+std::string most_missed(const Model& model, const std::vector<StatisticDeclaration>& battery);
+
 /// The frames are odd under a model, even if it passes: at the place where it was judged, or at another one
 /// as likely.
 bool odd_under(const Model& model);

@@ -579,21 +579,41 @@ void Search::note(const Model& model, double evidence) {
 }
 
 /// What was not fitted yet though the scan says that it would take much away. Of a large gap the few stacks
-/// of a scan hardly tell which effect makes it: calibration follows, and no place of the scan is near.
+/// of a scan hardly tell which effect makes it: calibration follows, and no place of the scan is near. Of a
+/// small one that a few statistics show it says little, as hundreds of others scatter: there what takes most
+/// of the oddest observable away counts.
 std::vector<Contender> Search::overlooked() {
-  constexpr double least_share = 0.1;
-  constexpr std::size_t most = 4;
-  std::vector<const Scan*> list;
-  for (const Scan& one : scans_)
-    if (one.best().share > least_share && !end_alone(one)) list.push_back(&one);
-  std::stable_sort(list.begin(), list.end(),
-                   [](const Scan* a, const Scan* b) { return a->best().share > b->best().share; });
-  if (list.size() > most) list.resize(most);
+  constexpr double least_share = 0.1, least_of_oddest = 0.5;
+  constexpr std::size_t most = 4, most_by_oddest = 3;
+  struct Overlooked {
+    const Scan* scan;
+    PartMatch match;
+  };
+  const auto promising = [&](const auto& match, double least, std::size_t count) {
+    std::vector<Overlooked> list;
+    for (const Scan& one : scans_)
+      if (PartMatch found = match(one); found.share > least && !end_alone(one))
+        list.push_back({&one, std::move(found)});
+    std::stable_sort(list.begin(), list.end(), [](const Overlooked& one, const Overlooked& other) {
+      return one.match.share > other.match.share;
+    });
+    if (list.size() > count) list.resize(count);
+    return list;
+  };
+  std::vector<Overlooked> list = promising(
+      [](const Scan& one) {
+        return PartMatch{one.best().share, one.best().best};
+      },
+      least_share, most);
+  const std::vector<std::string> oddest = {most_missed(ground_.plain, ground_.battery)};
+  for (Overlooked& one : promising([&](const Scan& scan) { return match_in(oddest, scan, seen_); },
+                                   least_of_oddest, most_by_oddest))
+    if (std::none_of(list.begin(), list.end(), [&](const Overlooked& seen) { return seen.scan == one.scan; }))
+      list.push_back(std::move(one));
   std::vector<Contender> contenders;
-  for (const Scan* one : list) {
-    const ScanView& view = one->best();
-    contenders.push_back({one->effect->name, with(ground_.plain, *one, view.best), view.log_likelihood});
-  }
+  for (const Overlooked& one : list)
+    contenders.push_back({one.scan->effect->name, with(ground_.plain, *one.scan, one.match.best),
+                          one.scan->best().log_likelihood});
   return contenders;
 }
 

@@ -103,6 +103,25 @@ TEST(Diagnose, AnEffectIsNamedAndClosesTheGapAndWithoutItNothingDoes) {
   EXPECT_EQ(withheld.unexplained.stage, "sensor");
 }
 
+// A few pixels of two levels each: three statistics of hundreds tell, and by the likelihood of all the scan
+// has six other effects before theirs.
+TEST(Diagnose, WhatTakesTheOddestObservableAwayIsTriedThoughTheScanHasOthersBefore) {
+  BlindOptions blind;
+  blind.seed = 41;
+  blind.rows = blind.columns = 64;
+  blind.none_share = 1;
+  blind.any_lab = true;
+  BlindStack stack = make_blind_stack(blind, 11);
+  stack.lab.effects["dual_adc_peaks"] = {0.0025, 9.4, 0, 0.2};
+  const Diagnosis found = Case(stack.lab, parse_notes(stack.notes, "notes"))
+                              .diagnose({"etaloning_fringes", "field_tilt_defocus", "scatter_halo",
+                                         "pixel_crosstalk", "vignetting", "blinking", "stray_light_gradient",
+                                         "pupil_apodisation", "dual_adc_peaks"});
+  ASSERT_EQ(found.effects.size(), 1) << found.sentence;
+  EXPECT_EQ(found.effects[0].name, "dual_adc_peaks");
+  EXPECT_GT(found.gap.closed, 0.9);
+}
+
 TEST(Diagnose, AnEffectOfTheSceneIsFound) {
   const Diagnosis found = Case("site_brightness_spread").diagnose({"site_brightness_spread"});
   EXPECT_EQ(found.verdict, Verdict::explained) << found.sentence;

@@ -3,6 +3,7 @@
 // for, fits by simulation from several starts, and the verdict on what they come to.
 
 #include <array>
+#include <map>
 #include <optional>
 #include <set>
 #include <span>
@@ -69,7 +70,11 @@ class Search {
   void scan();
   void look_closer();
   void note_scans();
+  /// Where a fit may begin, from the surest to what is tried where nothing else leads on.
+  enum class StartKind { best, seen, usual };
+  std::vector<Contender> starts_of(const Scan& scan, StartKind from, StartKind to);
   std::vector<Contender> starts();
+  std::vector<Contender> other_starts(std::span<Model> singles);
   std::vector<Contender> overlooked();
   void add_pair(const PairMatch& match, std::vector<Contender>& candidates);
   std::optional<Eigen::VectorXd> end_alone(const Scan& scan) const;
@@ -104,6 +109,7 @@ class Search {
   ScanViews seen_;  // the real stack
   std::vector<Scan> scans_;
   Ends ends_;
+  std::map<std::string, StartKind> started_;  // the effects that were fitted alone, to which kind of start
   double part_progress_ = 0.86;
   std::optional<FieldFocus> field_focus_;
   std::optional<std::array<double, zernike_terms>> moving_zernikes_;

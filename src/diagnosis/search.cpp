@@ -210,12 +210,13 @@ std::vector<Contender> Search::other_starts(std::span<Model> singles) {
 std::optional<Found> Search::whole() {
   std::vector<Model> singles = fit_and_judge(starts(), 0.58, 0.69);
   if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
-  for (Model& model : fit_and_judge(overlooked(), 0.69, 0.71, {.as_many = nearest_of(singles)}))
-    singles.push_back(std::move(model));
-  if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
-  for (Model& model : fit_and_judge(other_starts(singles), 0.71, 0.72, {.as_many = nearest_of(singles)}))
-    singles.push_back(std::move(model));
-  if (const auto named = naming_.choose(singles)) return with_what_it_hides(*named);
+  const auto choose_with = [&](std::vector<Contender> more, double from, double to) {
+    for (Model& model : fit_and_judge(std::move(more), from, to, {.as_many = nearest_of(singles)}))
+      singles.push_back(std::move(model));
+    return naming_.choose(singles);
+  };
+  if (const auto named = choose_with(overlooked(), 0.69, 0.71)) return with_what_it_hides(*named);
+  if (const auto named = choose_with(other_starts(singles), 0.71, 0.72)) return with_what_it_hides(*named);
   if (singles.empty()) return {};
   Pairs pairs = this->pairs(singles);
   if (const auto named = naming_.choose(pairs.both_needed)) return found(named);

@@ -44,6 +44,13 @@ class Sheet {
   void put_outliers(std::string_view name, std::string_view suffix, double sum) {
     add(name, suffix, std::log1p(sum), true, true);
   }
+  /// How far some few things differ: the logarithm of a chi-square per degree of freedom. Below one its cube
+  /// root (with the same slope there), which is nearly normal for a few degrees of freedom (Wilson and
+  /// Hilferty 1931), where the logarithm is ten deviations off now and then because six sites agree.
+  void put_chi_square(std::string_view name, std::string_view suffix, double square, double freedom) {
+    const double each = freedom > 0 ? square / freedom : not_a_number;
+    put(name, suffix, each < 1 ? 3 * (std::cbrt(each) - 1) : std::log(each));
+  }
   std::vector<StatisticDeclaration> take_declarations() { return std::move(declarations_); }
   std::vector<double> take_values() { return std::move(values_); }
 

@@ -214,7 +214,7 @@ class SiteBrightness : public Family {
       double neighbours = 0;
       for (const auto& [a, b] : near_) neighbours += z[a] * z[b];
       const auto sign = [](double value_) { return std::asinh(value_ / 3); };
-      sheet.put(name, "spread", ok(n > 1 ? std::log(chi / (n - 1)) : not_a_number));
+      sheet.put_chi_square(name, "spread", ok(chi), n - 1);
       sheet.put(name, "gradient_x", ok(sign(gx / std::sqrt(nx))));
       sheet.put(name, "gradient_y", ok(sign(gy / std::sqrt(ny))));
       sheet.put(name, "radial", ok(sign(radial / std::sqrt(nr))));
@@ -248,7 +248,7 @@ class SiteBrightness : public Family {
     sheet.kind({"site_histogram", "site", "all sites"});
     double lost_chi = 0;
     for (std::size_t s = 0; s < sites; ++s) lost_chi += std::pow(lost[s] - lost_all, 2) / lost_error2[s];
-    sheet.put("partial_by_site.spread", ok(std::log(lost_chi / static_cast<double>(sites - 1))));
+    sheet.put_chi_square("partial_by_site", "spread", ok(lost_chi), static_cast<double>(sites) - 1);
 
     // Along the stack: what the occupied sites have in common.
     std::vector<double> common(record.frames, not_a_number), loaded(record.frames, not_a_number);

@@ -130,7 +130,7 @@ TEST(Diagnose, AnEffectOfTheSceneIsFound) {
 }
 
 TEST(Diagnose, AWeakEffectIsNamedBesideAStrongOneThatLeavesNothingOdd) {
-  const Diagnosis found = Case("row_noise", 3, {{"scatter_halo", {0.14, 12}}})
+  const Diagnosis found = Case("row_noise", 3, {{"scatter_halo", {0.13, 12}}})
                               .diagnose({"row_noise", "scatter_halo", "hot_pixels"});
   EXPECT_EQ(found.verdict, Verdict::explained) << found.sentence;
   ASSERT_EQ(found.effects.size(), 2) << found.sentence;

@@ -28,11 +28,12 @@ constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model al
 constexpr double hardly_any = 0.04;            // part of a model's own stacks
 constexpr double shows = 0.9;                  // part of the plain model's stacks that have less
 
-/// Far more than its own stacks have, and not just the last digits of a law: no effect of the catalogue is
-/// right to all of them. Stacks that scatter widely are not odd with it, but somebody else made it.
+/// Far more than its own stacks have, and not just the last digits of a law, by any of these stacks: no
+/// effect of the catalogue is right to all digits. Stacks that scatter widely are not odd with it, but
+/// somebody else made it.
 bool leaves_much(const GapClosed& held_out) {
   constexpr double far_more = 2, last_digits = 0.05;  // of the floor; of the gap
-  return held_out.after > far_more * held_out.floor && held_out.closed < 1 - last_digits;
+  return held_out.after > far_more * held_out.floor && held_out.closed_high < 1 - last_digits;
 }
 
 /// In which these effects show.

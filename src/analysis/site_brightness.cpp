@@ -334,7 +334,7 @@ class SiteBrightness : public Family {
 
     // Memory of sites.
     double again[2] = {}, again_pairs[2] = {}, light_again = 0, light_pairs = 0, afterglow = 0,
-           afterglow_pairs = 0;
+           afterglow_pairs = 0, foreglow = 0, foreglow_pairs = 0;
     for (const std::size_t n : chosen)
       for (std::size_t lag = 1; lag <= 2; ++lag) {
         if (n < lag || !record.holds(which, n - lag)) continue;
@@ -343,12 +343,15 @@ class SiteBrightness : public Family {
           again[lag - 1] += ((b > occupied_above) - filling[s]) * ((then > occupied_above) - filling[s]);
           ++again_pairs[lag - 1];
           if (lag > 1) continue;
-          const bool is_bright = b > core_from, was_bright = then > core_from, is_empty = b < 0.25;
+          const bool is_bright = b > core_from, was_bright = then > core_from, is_empty = b < 0.25,
+                     was_empty = then < 0.25;
           const double light = is_bright ? b - site_mean[s] - common[n] : 0,
                        light_then = was_bright ? then - site_mean[s] - common[n - 1] : 0,
-                       above_empty = is_empty ? b - site_empty[s] : 0;
+                       above_empty = is_empty ? b - site_empty[s] : 0,
+                       above_empty_then = was_empty ? then - site_empty[s] : 0;
           light_again += light * light_then, light_pairs += is_bright & was_bright;
           afterglow += above_empty * was_bright, afterglow_pairs += is_empty & was_bright;
+          foreglow += above_empty_then * is_bright, foreglow_pairs += was_empty & is_bright;
         }
       }
     // Atoms that stay; what a sensor keeps of them is far less than an atom.
@@ -359,6 +362,8 @@ class SiteBrightness : public Family {
     sheet.kind({"lag_correlation", "time", "all sites"});
     sheet.put("memory.brightness", ok(light_again / std::sqrt(light_pairs + 1) / noise));
     sheet.put("memory.afterglow", ok(afterglow / std::sqrt((afterglow_pairs + 1) * empty_variance)));
+    // And what a frame that is not read out yet gets of the next exposure.
+    sheet.put("memory.foreglow", ok(foreglow / std::sqrt((foreglow_pairs + 1) * empty_variance)));
   }
 
  private:

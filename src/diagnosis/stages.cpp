@@ -186,6 +186,21 @@ double neighbours_in_light(std::string_view where, std::string_view way,
   });
 }
 
+/// Pixels that go together with their neighbours whether the shutter is open or closed: what is read out of
+/// one is also of the other.
+bool pixels_share_noise(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.4;
+  const auto shared = [&](std::string_view way) {
+    const auto name = [&](std::string_view shutter) {
+      return std::string(shutter).append(".neighbours.dark.").append(way);
+    };
+    const double light = deviation_of(name("light"), battery, z),
+                 dark = deviation_of(name("dark"), battery, z);
+    return light * dark > 0 ? std::min(std::fabs(light), std::fabs(dark)) : 0;
+  };
+  return stands_out(std::max(shared("right_1"), shared("down_1")), z, clear, beside);
+}
+
 /// Pixels away from the sites that go together over some distance in frames with the shutter open, and not
 /// with it closed: a pattern of light that moves. Charge that leaks goes to the next pixels.
 bool light_ripples(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
@@ -289,25 +304,34 @@ bool field_is_displaced(const std::vector<StatisticDeclaration>& battery, const 
   return sites_are_displaced(battery, z) && largest(battery, z, smooth) > clear;
 }
 
-/// Empty sites that all hold some light, the traps', and nothing else nearly as odd. Atoms that come and go
-/// during an exposure would show between empty and occupied, light of other atoms beyond the sites.
-bool empty_sites_glow(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+/// Empty sites that all hold some light, and nothing else nearly as odd that does not go with it.
+template <class GoesWith>
+bool empty_sites_hold_light(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z,
+                            const GoesWith& goes_with) {
   constexpr double clear = 8, beside = 0.4;
-  const auto of_the_empty = [](const auto& one) {
-    return one.name == "light.sites.empty.mean" || has(one, ".sites.histogram.") ||
-           has(one, ".image_noise.empty.");
+  const auto others = [&](const auto& one) {
+    return one.name != "light.sites.empty.mean" && !has(one, ".sites.histogram.") &&
+           !has(one, ".image_noise.empty.") && !goes_with(one);
   };
   const double glow = deviation_of("light.sites.empty.mean", battery, z);
-  return glow > clear &&
-         largest(battery, z, [&](const auto& one) { return !of_the_empty(one); }) < beside * glow;
+  return glow > clear && largest(battery, z, others) < beside * glow;
 }
 
-/// More where an atom was in the frame before, or less of it all in the first frames: the sensor remembers.
+/// The traps' light. Atoms that come and go during an exposure would show between empty and occupied, light
+/// of other atoms beyond the sites.
+bool empty_sites_glow(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  return empty_sites_hold_light(battery, z, [](const auto&) { return false; });
+}
+
+/// More where an atom was in the frame before or is in the next, or less of it all in the first frames: the
+/// sensor remembers, or is not read out yet.
 bool empty_sites_remember(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 5, builds_up = 3;
   return (deviation_of("light.sites.memory.afterglow", battery, z) > clear ||
+          deviation_of("light.sites.memory.foreglow", battery, z) > clear ||
           deviation_of("light.frames.level.first_frames", battery, z) < -builds_up) &&
-         empty_sites_glow(battery, z);
+         empty_sites_hold_light(battery, z,
+                                [](const auto& one) { return one.observable == "lag_correlation"; });
 }
 
 /// Sites that hold an atom more or less often than others, or than before: loading. The light's level and its
@@ -452,6 +476,7 @@ struct Sign {
 /// The first that shows decides.
 // clang-format off
 constexpr Sign signs[] = {
+    {"sensor", pixels_share_noise, true},
     {"optics", far_halo_stands_out},
     {"optics", light_leaves_images},
     {"sensor", all_light_flashes, true},

@@ -498,6 +498,19 @@ std::vector<Case> cases() {
                     return there ? 15.0 : 0.0;
                   }),
                   {"light.frames.noise_against_level", "dark.frames.noise_against_level"}});
+  auto held = std::make_shared<std::vector<double>>();
+  list.push_back({"light of the next frame",
+                  true,
+                  false,
+                  {.counts =
+                       [held](std::size_t n, std::vector<double>& counts) {
+                         const std::vector<double> next = counts;  // frames come one later
+                         if (n > 0)
+                           for (std::size_t i = 0; i < counts.size(); ++i)
+                             counts[i] = (*held)[i] + 0.01 * (next[i] - 200);
+                         *held = next;
+                       }},
+                  {"light.sites.memory.foreglow"}});
   return list;
 }
 

@@ -1460,6 +1460,80 @@ def black_clamp(s, k):
     s.on("counts", lambda counts, dark: np.maximum(counts, floor))
 
 
+@effect("sensor", "emccd", listed=False)
+def cic_valley(s, k):
+    """Clock-induced charge that is lowest in the middle rows."""
+    s.dark = s.dark * (1 + 8 * k * np.linspace(-1, 1, s.size)[:, None] ** 2 * np.ones((1, s.size)))
+
+
+@effect("sensor", "emccd", listed=False)
+def bias_pattern(s, k):
+    """A bias that repeats every eight columns and starts high at the first ones."""
+    columns = np.arange(s.size)
+    pattern = s.rng.normal(0, 1, 8)[columns % 8] + 3 * np.exp(-columns / 5)
+
+    s.on("counts", lambda counts, dark: counts + 0.04 * k * s.read_noise * pattern)
+
+
+@effect("sensor", listed=False)
+def next_frame(s, k):
+    """The next exposure has begun while this frame is still read."""
+    share = 0.02 * k
+
+    def leak(electrons, dark):
+        out = electrons.copy()
+        out[:-1] += s.rng.poisson(share * electrons[1:])
+        return out
+
+    s.on("electrons", leak)
+
+
+@effect("sensor", listed=False)
+def defect_correction(s, k):
+    """A camera that shows the mean of the two pixels beside it instead of one that it takes for bad."""
+    bad = s.rng.random((s.size, s.size)) < 0.02 * k
+
+    def correct(counts, dark):
+        beside = 0.5 * (np.roll(counts, 1, 2) + np.roll(counts, -1, 2))
+        return np.where(bad, beside, counts)
+
+    s.on("counts", correct)
+
+
+@effect("scene", listed=False)
+def late_start(s, k):
+    """Atoms start in a dark state and are pumped out of it after a while."""
+
+    def wait(light, dark):
+        return np.maximum(0, light - s.rng.exponential(0.1 * k, light.shape))
+
+    s.on("light", wait)
+
+
+@effect("scene", listed=False)
+def standing_wave(s, k):
+    """Retroreflected light: atoms sit on its fringes or between."""
+    turns, direction, phase = s.rng.uniform(1.5, 4), s.rng.uniform(0, np.pi), s.rng.uniform(0, 2 * np.pi)
+    x, y = s.field()
+    along = x * np.cos(direction) + y * np.sin(direction)
+    s.brightness *= 1 + 0.12 * k * np.cos(np.pi * turns * along + phase)
+
+
+@effect("scene", listed=False)
+def warm_atoms(s, k):
+    """Atoms that light heats: at the end of the exposure they are farther from their traps."""
+    state = {"n": 0}
+
+    def spread(fine, dark):
+        state["n"] += 1
+        f = np.fft.fftfreq(fine.shape[0]) * FINE
+        fx, fy = np.meshgrid(f, f)
+        r2 = 2 * np.pi**2 * (fx**2 + fy**2) * (0.5 * k) ** 2
+        return np.fft.ifft2(np.fft.fft2(fine) * np.where(r2 > 1e-9, -np.expm1(-r2) / np.maximum(r2, 1e-9), 1)).real
+
+    s.on("fine", spread)
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 
 

@@ -324,18 +324,40 @@ TEST(Stages, EmptySitesThatGlowAndNothingElseAreOfTheOptics) {
       {"light.sites.memory.afterglow", "lag_correlation", "time", "all sites", false},
       {"light.pixel_histogram.tail_fill", "pixel_histogram", "intensity", "dark pixels", false},
       {"light.image_noise.empty.core", "mean_variance_curve", "intensity", "empty sites", false},
-      {"light.frames.level.first_frames", "frame_means", "time", "dark pixels", false}};
-  const auto stage = [&](double empty, double partial, double afterglow = 0, double first_frames = 0) {
-    Eigen::VectorXd z(7);
-    z << empty, 15, partial, afterglow, 3, 8, first_frames;
+      {"light.frames.level.first_frames", "frame_means", "time", "dark pixels", false},
+      {"light.sites.memory.foreglow", "lag_correlation", "time", "all sites", false},
+      {"light.frames.alike", "lag_correlation", "time", "whole frame", false}};
+  const auto stage = [&](double empty, double partial, double afterglow = 0, double first_frames = 0,
+                         double foreglow = 0, double alike = 0) {
+    Eigen::VectorXd z(9);
+    z << empty, 15, partial, afterglow, 3, 8, first_frames, foreglow, alike;
     return stage_of_differences(sites, z, {});
   };
   EXPECT_EQ(stage(11, -3.5), "optics");
-  EXPECT_EQ(stage(30, -3.5, 8), "sensor");      // that remembers where atoms were
-  EXPECT_EQ(stage(21, -3.5, 0, -4), "sensor");  // for so long that the stack begins darker
-  EXPECT_EQ(stage(11, 6), "scene");             // atoms that leave before the end
+  EXPECT_EQ(stage(30, -3.5, 8), "sensor");            // that remembers where atoms were
+  EXPECT_EQ(stage(21, -3.5, 0, -4), "sensor");        // for so long that the stack begins darker
+  EXPECT_EQ(stage(30, -3.5, 0, 0, 8, 13), "sensor");  // or has not read where they are next
+  EXPECT_EQ(stage(11, 6), "scene");                   // atoms that leave before the end
   EXPECT_EQ(stage(-11, 1), "scene");
   EXPECT_EQ(stage(7, 1), "scene");
+}
+
+TEST(Stages, PixelsThatGoTogetherWithTheShutterClosedAreTheSensors) {
+  const std::vector<StatisticDeclaration> pixels = {
+      {"light.neighbours.dark.right_1", "horizontal_correlation", "space", "dark pixels", false},
+      {"dark.neighbours.dark.right_1", "horizontal_correlation", "space", "dark pixels", true},
+      {"light.point_spread.misfit.wing", "point_spread_width", "shape", "all sites", false},
+      {"light.point_spread.width_x.spread", "point_spread_field", "shape", "all sites", false},
+      {"light.point_spread.width_y.spread", "point_spread_field", "shape", "all sites", false}};
+  const auto stage = [&](double light, double dark) {
+    Eigen::VectorXd z(5);
+    z << light, dark, 25, 20, 20;
+    return stage_of_differences(pixels, z, {});
+  };
+  EXPECT_EQ(stage(22, 12), "sensor");
+  EXPECT_EQ(stage(-22, -12), "sensor");
+  EXPECT_EQ(stage(22, 3), "optics");
+  EXPECT_EQ(stage(22, -12), "optics");  // calibration makes up for something
 }
 
 TEST(Stages, LightAboveAndBelowSitesIsTheSensors) {

@@ -176,12 +176,32 @@ std::string Naming::not_seen(const Model& model) const {
   return "";
 }
 
+/// What part of the plain model's stacks goes less far than the frames the way that the model's go from them
+/// in these observables; all of them if its stacks go nowhere. What is odd there some other way is not
+/// theirs.
+double Naming::further_along(const Model& model, const std::vector<std::string>& observables) const {
+  constexpr double large = 30, errors = 2;
+  const Eigen::MatrixXd &with = model.from_plain, &without = plain_.standard->own();
+  const double stacks = static_cast<double>(with.rows());
+  const Eigen::RowVectorXd mean = with.colwise().mean();
+  const Eigen::RowVectorXd chance =
+      errors * ((with.rowwise() - mean).colwise().squaredNorm() / stacks / stacks).cwiseSqrt();
+  const Eigen::VectorXd way =
+      mean.binaryExpr(chance, &beyond_chance).transpose().cwiseProduct(only_of(observables, battery_));
+  if (way.isZero()) return 1;
+  const auto along = [&](const Eigen::VectorXd& z) { return way.dot(z.cwiseMin(large).cwiseMax(-large)); };
+  const double frames = along(plain_.z);
+  double less = 0;
+  for (const auto& stack : without.rowwise()) less += along(stack.transpose()) < frames;
+  return less / static_cast<double>(without.rows());
+}
+
 /// Fringes between sites that stand some fringes apart make each as bright as chance has it: so does whatever
 /// else makes sites differ.
 std::string Naming::not_known(const Model& model) const {
   for (const std::string& effect : model.effects) {
     const std::vector<std::string>& by = find_effect(effect)->known_by;
-    if (!by.empty() && below(model, by).without < shows)
+    if (!by.empty() && std::min(below(model, by).without, further_along(model, by)) < shows)
       return fmt::format("{} is known by {}, which shows nothing", effect, fmt::join(by, ", "));
   }
   return "";

@@ -105,6 +105,7 @@ class Naming {
     double without = 0, with_it = 0;
   };
   Below below(const Model& model, const std::vector<std::string>& observables) const;
+  double further_along(const Model& model, const std::vector<std::string>& observables) const;
   std::string what_is_left(const Model& model, Eigen::Index at) const;
   /// Where the largest difference is that is clear and as it was; none: -1.
   Eigen::Index largest_as_it_was(const Model& model) const;

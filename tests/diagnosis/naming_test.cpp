@@ -335,5 +335,15 @@ TEST_F(Naming, AnEffectIsNotNamedAloneWhereWhatItIsKnownByShowsNothing) {
   EXPECT_TRUE(unseen.not_known(model({"site_brightness_spread"}, 1, 0.5)).empty());
 }
 
+// Something is odd in the mean image, and other statistics than fringes would move.
+TEST_F(Naming, WhatAnEffectIsKnownByIsOddTheWayThatTheEffectMovesIt) {
+  const atomcam::Naming naming = naming_by_observable("mean_map", "site_brightness");
+  Model found = model({"etaloning_fringes"}, 1, 0.5);
+  found.from_plain.col(0).array() += gap;
+  EXPECT_EQ(naming.not_known(found), "");
+  found.from_plain.col(0).array() -= 2 * gap;
+  EXPECT_NE(naming.not_known(found), "");
+}
+
 }  // namespace
 }  // namespace atomcam

@@ -44,10 +44,15 @@ std::vector<std::string> observables_of(const std::vector<std::string>& effects)
   return list;
 }
 
-/// How much there is in deviations; a few large ones are not everything.
-double shown_in(const Eigen::VectorXd& z) {
+/// A few large deviations are not everything.
+Eigen::VectorXd no_larger(const Eigen::VectorXd& z) {
   constexpr double large = 30;
-  return z.cwiseMin(large).cwiseMax(-large).squaredNorm();
+  return z.cwiseMin(large).cwiseMax(-large);
+}
+
+/// How much there is in deviations.
+double shown_in(const Eigen::VectorXd& z) {
+  return no_larger(z).squaredNorm();
 }
 
 }  // namespace
@@ -180,7 +185,7 @@ std::string Naming::not_seen(const Model& model) const {
 /// in these observables; all of them if its stacks go nowhere. What is odd there some other way is not
 /// theirs.
 double Naming::further_along(const Model& model, const std::vector<std::string>& observables) const {
-  constexpr double large = 30, errors = 2;
+  constexpr double errors = 2;
   const Eigen::MatrixXd &with = model.from_plain, &without = plain_.standard->own();
   const double stacks = static_cast<double>(with.rows());
   const Eigen::RowVectorXd mean = with.colwise().mean();
@@ -189,7 +194,7 @@ double Naming::further_along(const Model& model, const std::vector<std::string>&
   const Eigen::VectorXd way =
       mean.binaryExpr(chance, &beyond_chance).transpose().cwiseProduct(only_of(observables, battery_));
   if (way.isZero()) return 1;
-  const auto along = [&](const Eigen::VectorXd& z) { return way.dot(z.cwiseMin(large).cwiseMax(-large)); };
+  const auto along = [&](const Eigen::VectorXd& z) { return way.dot(no_larger(z)); };
   const double frames = along(plain_.z);
   double less = 0;
   for (const auto& stack : without.rowwise()) less += along(stack.transpose()) < frames;

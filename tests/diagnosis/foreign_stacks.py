@@ -1463,7 +1463,7 @@ def black_clamp(s, k):
 @effect("sensor", "emccd", listed=False)
 def cic_valley(s, k):
     """Clock-induced charge that is lowest in the middle rows."""
-    s.dark = s.dark * (1 + 8 * k * np.linspace(-1, 1, s.size)[:, None] ** 2 * np.ones((1, s.size)))
+    s.dark = s.dark * (1 + 8 * k * np.linspace(-1, 1, s.size)[:, None] ** 2)
 
 
 @effect("sensor", "emccd", listed=False)
@@ -1522,16 +1522,12 @@ def standing_wave(s, k):
 @effect("scene", listed=False)
 def warm_atoms(s, k):
     """Atoms that light heats: at the end of the exposure they are farther from their traps."""
-    state = {"n": 0}
 
-    def spread(fine, dark):
-        state["n"] += 1
-        f = np.fft.fftfreq(fine.shape[0]) * FINE
-        fx, fy = np.meshgrid(f, f)
-        r2 = 2 * np.pi**2 * (fx**2 + fy**2) * (0.5 * k) ** 2
-        return np.fft.ifft2(np.fft.fft2(fine) * np.where(r2 > 1e-9, -np.expm1(-r2) / np.maximum(r2, 1e-9), 1)).real
+    def transfer(fx, fy):  # of normal laws of all variances up to the last
+        last = 2 * np.pi**2 * (fx**2 + fy**2) * (0.5 * k) ** 2
+        return np.where(last > 1e-9, -np.expm1(-last) / np.maximum(last, 1e-9), 1)
 
-    s.on("fine", spread)
+    s.blur = transfer
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 // The image of a site: how the pixels around it follow its brightness from frame to frame, against the share
-// that the model expects; the array's position from frame to frame; the noise in a site's image.
+// that the model expects; the array's position and the width of its sites' images from frame to frame; the
+// noise in a site's image.
 
 #include <algorithm>
 #include <cmath>
@@ -15,15 +16,15 @@ namespace {
 constexpr double occupied_from = 0.65, empty_to = 0.25, dim_to = 0.92, bright_from = 1.08;
 
 struct StampSums {
-  float x = 0, y = 0, core = 0, wing = 0, cube = 0;
+  float x = 0, y = 0, width = 0, core = 0, wing = 0, cube = 0;
 };
 
 /// response += change * residual; sums of the residual over the stamp.
 ATOMCAM_VECTOR_CLONES
 StampSums add_stamp(std::size_t rows, std::size_t width, const float* light, const float* mean,
                     std::ptrdiff_t stride, float change, const float* slope_x, const float* slope_y,
-                    const float* core, const float* wing, float* response) {
-  Lanes x = lanes(0), y = x, c2 = x, w2 = x, c3 = x;
+                    const float* widening, const float* core, const float* wing, float* response) {
+  Lanes x = lanes(0), y = x, wider = x, c2 = x, w2 = x, c3 = x;
   const Lanes change_lanes = lanes(change);
   std::size_t i = 0;
   for (std::size_t r = 0; r < rows; ++r, light += stride, mean += stride)
@@ -32,12 +33,45 @@ StampSums add_stamp(std::size_t rows, std::size_t width, const float* light, con
       store(response + i, load(response + i) + change_lanes * d);
       x += d * load(slope_x + i);
       y += d * load(slope_y + i);
+      wider += d * load(widening + i);
       c2 += d2 * in_core;
       c3 += d2 * d * in_core;
       w2 += d2 * load(wing + i);
     }
-  return {static_cast<float>(total(x)), static_cast<float>(total(y)), static_cast<float>(total(c2)),
-          static_cast<float>(total(w2)), static_cast<float>(total(c3))};
+  return {static_cast<float>(total(x)),  static_cast<float>(total(y)),  static_cast<float>(total(wider)),
+          static_cast<float>(total(c2)), static_cast<float>(total(w2)), static_cast<float>(total(c3))};
+}
+
+/// What a site's pixels gain when its image gets wider by itself: the Laplacian of the share, less what of
+/// it, with pixels so weighted, looks like a change of brightness or of the level everywhere.
+Floats widening_of(const PackedSite& packed, const Floats& weight) {
+  const auto at = [&](int r, int c) {
+    return packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
+  };
+  const auto share = [&](int r, int c) {
+    return r < 0 || c < 0 || r >= packed.rows || c >= packed.columns ? 0.0f : packed.share[at(r, c)];
+  };
+  Floats widening(packed.share.size(), 0.0f), level = widening;
+  for (int r = 0; r < packed.rows; ++r)
+    for (int c = 0; c < packed.columns; ++c) {
+      widening[at(r, c)] =
+          share(r, c + 1) + share(r, c - 1) + share(r + 1, c) + share(r - 1, c) - 4 * share(r, c);
+      level[at(r, c)] = 1;
+    }
+  const auto take_away = [&](const Floats& of, Floats& from) {
+    double product = 0, norm = 0;
+    for (std::size_t i = 0; i < of.size(); ++i) {
+      product += static_cast<double>(weight[i] * of[i] * from[i]);
+      norm += static_cast<double>(weight[i] * of[i] * of[i]);
+    }
+    if (norm > 0)
+      for (std::size_t i = 0; i < of.size(); ++i) from[i] -= static_cast<float>(product / norm) * of[i];
+  };
+  Floats brightness = packed.share;
+  take_away(level, brightness);
+  take_away(level, widening);
+  take_away(brightness, widening);
+  return widening;
 }
 
 /// How the pixels of each column, or row, answer to the light of the sites, beside the model.
@@ -135,7 +169,8 @@ class PointSpread : public Family {
       field_y_.push_back((layout.sites[s].y_px - y_sum) / extent);
       // Weights of photon noise and read noise together.
       Weights w;
-      for (Floats* values : {&w.x, &w.y, &w.core, &w.wing}) values->assign(packed.share.size(), 0.0f);
+      Floats weight(packed.share.size(), 0.0f);
+      for (Floats* values : {&w.x, &w.y, &w.core, &w.wing}) *values = weight;
       for (int r = 0; r < packed.rows; ++r)
         for (int c = 0; c < packed.columns; ++c) {
           const std::size_t i = packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
@@ -151,7 +186,13 @@ class PointSpread : public Family {
           w.wing_pixels += static_cast<double>(packed.wing[i]);
           w.norm_x += static_cast<double>(w.x[i]) * static_cast<double>(packed.slope_x[i]);
           w.norm_y += static_cast<double>(w.y[i]) * static_cast<double>(packed.slope_y[i]);
+          weight[i] = scale2;
         }
+      w.width = widening_of(packed, weight);
+      for (std::size_t i = 0; i < weight.size(); ++i) {
+        w.norm_width += static_cast<double>(weight[i] * w.width[i] * w.width[i]);
+        w.width[i] *= weight[i];
+      }
       weights_.push_back(std::move(w));
     }
     const std::size_t sites = layout.packed.size();
@@ -163,7 +204,7 @@ class PointSpread : public Family {
 
   void second_look(const SecondLook& look) override {
     Sums& sums = sums_[look.part];
-    double x = 0, x_norm = 0, y = 0, y_norm = 0;
+    double x = 0, x_norm = 0, y = 0, y_norm = 0, width = 0, width_norm = 0;
     for (std::size_t s = 0; s < layout_.packed.size(); ++s) {
       const PackedSite& packed = layout_.packed[s];
       const Weights& w = weights_[s];
@@ -172,7 +213,7 @@ class PointSpread : public Family {
       const StampSums stamp =
           add_stamp(static_cast<std::size_t>(packed.rows), packed.width, look.light.all() + packed.offset,
                     look.mean.all() + packed.offset, layout_.shape.stride, change, w.x.data(), w.y.data(),
-                    w.core.data(), w.wing.data(), sums.response.data() + begin_[s]);
+                    w.width.data(), w.core.data(), w.wing.data(), sums.response.data() + begin_[s]);
       sums.change2[s] += static_cast<double>(change) * static_cast<double>(change);
       const int k = b < empty_to        ? empty
                     : b < occupied_from ? class_count
@@ -192,10 +233,17 @@ class PointSpread : public Family {
       // A shift by d takes d * slope away.
       x -= b * static_cast<double>(stamp.x), x_norm += b * b * w.norm_x;
       y -= b * static_cast<double>(stamp.y), y_norm += b * b * w.norm_y;
+      width += b * static_cast<double>(stamp.width), width_norm += b * b * w.norm_width;
     }
     x_.resize(look.frame + 1, not_a_number);
     y_.resize(look.frame + 1, not_a_number);
     x_white_.resize(look.frame + 1);
+    width_.resize(look.frame + 1, not_a_number);
+    width_white_.resize(look.frame + 1);
+    if (width_norm > 0) {
+      width_[look.frame] = width / width_norm;
+      width_white_[look.frame] = 1 / width_norm;
+    }
     if (x_norm > 0 && y_norm > 0) {
       x_[look.frame] = x / x_norm;
       y_[look.frame] = y / y_norm;
@@ -366,17 +414,25 @@ class PointSpread : public Family {
     put_series(sheet, "x", x, record, which, white);
     put_series(sheet, "y", y, record, which, white);
     sheet.put("together", ok(xy / std::sqrt(xx * yy)));
+    sheet.kind({"point_spread_width", "time", "all sites"});
+    std::vector<double> width = width_;
+    width.resize(record.frames, not_a_number);
+    double width_white = 0, width_count = 0;
+    for (std::size_t n = 0; n < record.frames; ++n)
+      if (record.holds(which, n) && std::isfinite(width[n])) width_white += width_white_[n], ++width_count;
+    put_series(sheet, "width", width, record, which, width_white / width_count);
   }
 
  private:
   struct Weights {
-    Floats x, y, core, wing;
-    double norm_x = 0, norm_y = 0, core_pixels = 0, wing_pixels = 0;
+    Floats x, y, width, core, wing;
+    double norm_x = 0, norm_y = 0, norm_width = 0, core_pixels = 0, wing_pixels = 0;
   };
   const Layout& layout_;
   std::vector<std::size_t> begin_;
   std::vector<Weights> weights_;
-  std::vector<double> field_x_, field_y_, x_, y_, x_white_;
+  std::vector<double> field_x_, field_y_;
+  std::vector<double> x_, y_, x_white_, width_, width_white_;  // of every frame
   Halves<Sums> sums_;
 };
 

@@ -511,6 +511,16 @@ std::vector<Case> cases() {
                          *held = next;
                        }},
                   {"light.sites.memory.foreglow"}});
+  list.push_back({"images that get wider along the stack",
+                  true,
+                  false,
+                  in_light([moved](std::size_t n, const std::vector<double>& lit, const StackModel& of,
+                                   std::vector<double>& e) {
+                    for (const int d : {-1, 1})
+                      moved(
+                          lit, of, e, [n](std::size_t) { return 0.0022 * static_cast<double>(n); }, 0, d);
+                  }),
+                  {"light.position.width.trend", "light.position.width.correlation_1"}});
   return list;
 }
 

@@ -119,7 +119,13 @@ TEST(Diagnose, WhatTakesTheOddestObservableAwayIsTriedThoughTheScanHasOthersBefo
                                          "pupil_apodisation", "dual_adc_peaks"});
   ASSERT_EQ(found.effects.size(), 1) << found.sentence;
   EXPECT_EQ(found.effects[0].name, "dual_adc_peaks");
-  EXPECT_GT(found.gap.closed, 0.9);
+  // Half of the frames is too few for it.
+  const auto judged =
+      std::find_if(found.hypotheses.begin(), found.hypotheses.end(), [](const Hypothesis& one) {
+        return one.effects == std::vector<std::string>{"dual_adc_peaks"} && one.p_value >= 0;
+      });
+  ASSERT_NE(judged, found.hypotheses.end());
+  EXPECT_GT(judged->closed, 0.9);
 }
 
 TEST(Diagnose, AnEffectOfTheSceneIsFound) {
@@ -130,7 +136,7 @@ TEST(Diagnose, AnEffectOfTheSceneIsFound) {
 }
 
 TEST(Diagnose, AWeakEffectIsNamedBesideAStrongOneThatLeavesNothingOdd) {
-  const Diagnosis found = Case("row_noise", 3, {{"scatter_halo", {0.13, 12}}})
+  const Diagnosis found = Case("row_noise", 3, {{"scatter_halo", {0.12, 12}}})
                               .diagnose({"row_noise", "scatter_halo", "hot_pixels"});
   EXPECT_EQ(found.verdict, Verdict::explained) << found.sentence;
   ASSERT_EQ(found.effects.size(), 2) << found.sentence;

@@ -39,13 +39,18 @@ TEST(Sentence, TellsNoFractionOfAGapThatHeldOutFramesDoNotHave) {
   found.gap.floor = 6;
   found.gap.closed = 0.97;
   EXPECT_EQ(sentence_of(found), "row_noise closes 97 % of the gap on held-out frames.");
-  found.gap.before = 5;
   found.p_gap = 1e-6;
   found.p_after = 0.84;
-  EXPECT_EQ(
-      sentence_of(found),
+  const std::string not_shown =
       "row_noise explains a gap that all frames have (p = 1e-06, with it 0.84) and the held-out half does "
-      "not show.");
+      "not show.";
+  found.gap.before = 5;
+  EXPECT_EQ(sentence_of(found), not_shown);
+  // Nor where one in twenty stacks without a gap has as much.
+  found.gap.before = 7;
+  found.gap.floor_high = 8;
+  found.gap.closed = 0.1;
+  EXPECT_EQ(sentence_of(found), not_shown);
 }
 
 TEST(Sentence, OfAgreementSaysHowManyFramesWereLookedAt) {

@@ -33,10 +33,10 @@ function(atomcam_library name)
   target_link_libraries(atomcam_${name} PRIVATE ${ARG_LINKS})
 endfunction()
 
-# The tests of one folder as one executable, tests/<name>/*.cpp; WORKING in the source tree. PROCESSORS: a test that
-# streams loses frames beside one that computes.
+# The tests of one folder as one executable, tests/<name>/*.cpp. PROCESSORS: a test that streams loses frames beside one
+# that computes. TOGETHER: its cases share what takes long to make, and run as one test.
 function(atomcam_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT;PROCESSORS" "USES;LINKS" ${ARGN})
+  cmake_parse_arguments(ARG "TOGETHER" "TIMEOUT;PROCESSORS" "USES;LINKS" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${name}/*.cpp)
   if(NOT sources)
     return()
@@ -54,6 +54,11 @@ function(atomcam_test name)
   endif()
   if(NOT ARG_PROCESSORS)
     set(ARG_PROCESSORS 1)
+  endif()
+  if(ARG_TOGETHER)
+    add_test(NAME ${name} COMMAND test_${name})
+    set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} PROCESSORS ${ARG_PROCESSORS})
+    return()
   endif()
   gtest_discover_tests(test_${name} DISCOVERY_MODE PRE_TEST PROPERTIES TIMEOUT ${ARG_TIMEOUT} PROCESSORS
                                                                        ${ARG_PROCESSORS})

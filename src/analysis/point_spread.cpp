@@ -414,6 +414,8 @@ class PointSpread : public Family {
     put_series(sheet, "x", x, record, which, white);
     put_series(sheet, "y", y, record, which, white);
     sheet.put("together", ok(xy / std::sqrt(xx * yy)));
+
+    sheet.family("focus");
     sheet.kind({"point_spread_width", "time", "all sites"});
     std::vector<double> width = width_;
     width.resize(record.frames, not_a_number);

@@ -31,7 +31,7 @@ bool is_changing(const StatisticDeclaration& one) {
 
 /// Seen where light falls, or in what follows it.
 bool follows_light(const StatisticDeclaration& one) {
-  return has(one, ".sites.") || has(one, ".point_spread.") || has(one, ".position.") ||
+  return has(one, ".sites.") || has(one, ".point_spread.") || has(one, ".position.") || has(one, ".focus.") ||
          has(one, ".image_noise.") || has(one, ".trailing.") || has(one, ".far_light.") ||
          has(one, ".neighbours.all.");
 }

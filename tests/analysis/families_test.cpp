@@ -520,7 +520,7 @@ std::vector<Case> cases() {
                       moved(
                           lit, of, e, [n](std::size_t) { return 0.0022 * static_cast<double>(n); }, 0, d);
                   }),
-                  {"light.position.width.trend", "light.position.width.correlation_1"}});
+                  {"light.focus.width.trend", "light.focus.width.correlation_1"}});
   return list;
 }
 

@@ -98,7 +98,7 @@ std::string sentence_of(const Diagnosis& d) {
                              : fmt::format("; {} of {} were looked at", d.frames.count(), d.frames.all()));
     case Verdict::explained:
       // Half of the frames may be too few for a gap that all of them have.
-      if (d.gap.before > 0 && d.gap.before <= std::max(d.gap.floor, d.gap.floor_high))
+      if (d.gap.before > 0 && d.gap.before <= d.gap.floor_high)
         return fmt::format(
             "{} {} a gap that all frames have (p = {:.1g}, with {} {:.2g}) and the held-out half does not "
             "show.",

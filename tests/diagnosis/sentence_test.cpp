@@ -37,6 +37,7 @@ TEST(Sentence, TellsNoFractionOfAGapThatHeldOutFramesDoNotHave) {
   found.effects.push_back({"row_noise", "sensor", {}, 0.9, {}});
   found.gap.before = 12;
   found.gap.floor = 6;
+  found.gap.floor_high = 8;
   found.gap.closed = 0.97;
   EXPECT_EQ(sentence_of(found), "row_noise closes 97 % of the gap on held-out frames.");
   found.p_gap = 1e-6;
@@ -48,7 +49,6 @@ TEST(Sentence, TellsNoFractionOfAGapThatHeldOutFramesDoNotHave) {
   EXPECT_EQ(sentence_of(found), not_shown);
   // Nor where one in twenty stacks without a gap has as much.
   found.gap.before = 7;
-  found.gap.floor_high = 8;
   found.gap.closed = 0.1;
   EXPECT_EQ(sentence_of(found), not_shown);
 }

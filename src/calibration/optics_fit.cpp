@@ -124,6 +124,12 @@ std::array<double, zernike_terms> best_focus(const SiteImages& model, std::array
   return terms;
 }
 
+constexpr std::array<std::size_t, 8> even_terms = {3, 4, 5, 10, 11, 12, 13, 14};
+
+void turn_sign(OpticsFit& fit) {
+  for (const std::size_t term : even_terms) fit.zernike_um[term] = -fit.zernike_um[term];
+}
+
 }  // namespace
 
 OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start,
@@ -211,8 +217,6 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   OpticsFit fit;
   fit.lattice = model.lattice(best.values);
   fit.zernike_um = SiteImages::zernike(best.values);
-  if (fit.zernike_um[3] < 0)
-    for (const int even : {3, 4, 5, 10, 11, 12, 13, 14}) fit.zernike_um[even] = -fit.zernike_um[even];
   for (int s = 0; s < model.sites(); ++s) fit.site_e.push_back(best.values(shape_parameters + s));
   fit.background_e = best.values(model.size() - 1);
   std::vector<Eigen::Index> common(shape_parameters);
@@ -225,7 +229,21 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
   fit.degrees_of_freedom = static_cast<int>(mean.electrons.pixels().size()) - static_cast<int>(model.size());
   fit.converged = best.converged;
   fit.position_error_px = std::sqrt(std::max(fit.covariance(0, 0), fit.covariance(1, 1)));
+  if (known)
+    take_sign_of(fit, *known);
+  else if (fit.zernike_um[3] < 0)
+    turn_sign(fit);
   return fit;
+}
+
+void take_sign_of(OpticsFit& fit, const std::array<double, zernike_terms>& zernike_um) {
+  double alike = 0;
+  for (const std::size_t term : even_terms) {
+    const auto row = static_cast<Eigen::Index>(lattice_parameters - 3 + term);
+    const double variance = fit.covariance(row, row);
+    if (variance > 0) alike += fit.zernike_um[term] * zernike_um[term] / variance;
+  }
+  if (alike < 0) turn_sign(fit);
 }
 
 FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optics, const OpticsFit& common,

@@ -31,12 +31,16 @@ struct OpticsFit {
 int stamp_radius_px(const Lattice& lattice);
 
 /// From a lattice known to a pixel or better. Zernike terms of degree 2 to 4 are free; the sign that the even
-/// terms share is chosen for defocus >= 0.
+/// terms share is chosen for defocus >= 0, or as `known` has it.
 /// `known`: terms to start from; without it several starts are tried. `motion`: what the image did meanwhile,
 /// so that the mean is not of the optics alone. `threads` for the starts, 0: as many as cores.
 OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, const Lattice& start,
                      const std::array<double, zernike_terms>* known = nullptr,
                      const ImageMotion* motion = nullptr, int threads = 0);
+
+/// An image does not tell the sign that the even terms share: the one with which the fit is nearer to these
+/// terms (um).
+void take_sign_of(OpticsFit& fit, const std::array<double, zernike_terms>& zernike_um);
 
 /// A defocus (um rms) that changes across the image: x u + y v + curvature (u^2 + v^2), where u and v go from
 /// the image's middle, 1 at half its width.

@@ -305,7 +305,8 @@ Eigen::MatrixXd calibration_offsets(const Model& model, const RealStack& real, c
     }
     input.like = real.calibration;
     try {
-      const Calibration calibration = calibrate(input);
+      Calibration calibration = calibrate(input);
+      if (calibration.has_sites) take_sign_of(calibration.optics, lab.optics.zernike_um);
       for (auto k = Eigen::Index{0}; k < offsets.rows(); ++k)
         offsets(k, n) = model.open[static_cast<std::size_t>(k)].offset(*real.calibration, calibration);
     } catch (const Error&) {

@@ -109,6 +109,26 @@ TEST(OpticsFit, ModelErrsLessThanAStackKnows) {
   EXPECT_LT(std::fabs(total / site_e - 1), std::sqrt(excess / (site_e * frames * truth.sites())));
 }
 
+// Two sets of even terms have the same image: what is known beforehand says which it is.
+TEST(OpticsFit, TakesTheSignOfTheEvenTermsFromWhatIsKnown) {
+  OpticsDescription optics = emccd_optics();
+  optics.zernike_um[3] = -0.004;
+  optics.zernike_um[7] = 0.01;
+  optics.zernike_um[10] = -0.03;
+  const Lattice lattice{.columns = 4, .rows = 4, .origin_x = 10, .origin_y = 10, .a_x = 11, .b_y = 11};
+  const MeanImage mean = mean_image_of(optics, lattice, {54, 54});
+  OpticsFit fit = fit_optics(mean, optics, lattice);
+  EXPECT_NEAR(fit.zernike_um[10], 0.03, 0.003);
+  EXPECT_GE(fit.zernike_um[3], 0);
+  fit = fit_optics(mean, optics, lattice, &optics.zernike_um);
+  EXPECT_NEAR(fit.zernike_um[10], -0.03, 0.003);
+  auto other = optics.zernike_um;
+  for (const int term : {3, 10}) other[term] = -other[term];
+  take_sign_of(fit, other);
+  EXPECT_NEAR(fit.zernike_um[10], 0.03, 0.003);
+  EXPECT_NEAR(fit.zernike_um[7], 0.01, 0.003);
+}
+
 // Spots of 3.8 px rms, 10.5 px apart: a lattice that is too narrow gathers more light than the true one.
 TEST(OpticsFit, LatticeIsFoundWhereImagesOverlap) {
   OpticsDescription optics = emccd_optics();

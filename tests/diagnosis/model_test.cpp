@@ -112,5 +112,43 @@ TEST(Model, WhatItsStacksDoNotVaryIsUncertainAllTheSame) {
   EXPECT_EQ(model.undrawn(1), 0);
 }
 
+// Stacks of optics with hardly any aberration calibrate to either sign of the even terms; the one that they
+// were simulated with must not be taken for the other.
+TEST(Model, RecalibratingComesBackFromTheOtherSideOfAPerfectFocus) {
+  BlindOptions options;
+  options.rows = options.columns = 48;
+  options.none_share = 1;
+  BlindStack blind = make_blind_stack(options, 2);
+  blind.lab.optics.zernike_um = {};
+  blind.lab.optics.zernike_um[10] = 0.02;
+  StackPlan plan;
+  plan.frames = 60;
+  plan.dark_frames = 30;
+  plan.threads = 2;
+  const auto light = simulate_stack(blind.lab, plan, 1, true),
+             darks = simulate_stack(blind.lab, plan, 1, false);
+  CalibrationInput input;
+  const Notes notes = parse_notes(blind.notes, "notes");
+  input.notes = notes;
+  input.frames = light.get();
+  input.darks = darks.get();
+  const Calibration calibration = calibrate(input);
+  plan.model = calibration.model;
+  const RealStack real{nullptr, &calibration, &notes};
+  Model model;
+  model.lab = calibration.lab;
+  model.open = calibration_uncertainty(calibration);
+  model.first_effect_parameter = std::ssize(model.open);
+  const auto spherical = std::find_if(model.open.begin(), model.open.end(),
+                                      [](const Uncertain& one) { return one.name == "zernike_spherical"; });
+  ASSERT_NE(spherical, model.open.end());
+  const double there = calibration.optics.zernike_um[10], other_side = -1.5 * there - spherical->centre;
+  ASSERT_GT(std::fabs(other_side), 5 * spherical->width);
+  spherical->centre = other_side;
+  for (std::uint64_t round = 0; round < 3; ++round)
+    recalibrate(model, real, plan, numbers_of("recalibration") + round * 100);
+  EXPECT_LT(std::fabs(spherical->centre), 0.3 * std::fabs(other_side));
+}
+
 }  // namespace
 }  // namespace atomcam

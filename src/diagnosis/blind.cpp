@@ -178,7 +178,7 @@ BlindStack make_blind_stack(const BlindOptions& options, std::uint64_t number) {
   grid.offset_x += draw.uniform(-0.8, 0.8);
   grid.offset_y += draw.uniform(-0.8, 0.8);
   grid.angle_x_deg = grid.angle_y_deg = draw.uniform(-0.5, 0.5);
-  lab.optics.zernike_um[3] = draw.uniform(0.02, 0.07);
+  lab.optics.zernike_um[3] = draw.uniform(options.any_lab ? 0 : 0.02, 0.07);
   for (int term = 4; term < zernike_terms; ++term) lab.optics.zernike_um[term] = draw.uniform(-0.015, 0.015);
 
   std::vector<const EffectDeclaration*> known = effects_on(kind_of(emccd), options);

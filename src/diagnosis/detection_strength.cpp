@@ -13,11 +13,11 @@
 namespace atomcam {
 namespace {
 
-constexpr int null_stacks = 160, stacks = 24;  // at each strength
+constexpr int null_stacks = 100, stacks = 12, stacks_without = 48;  // of each twin at each strength
 // Standard deviations at which a known signal is seen in nine of ten at gap_level: normal quantiles of 99.6 %
 // and 90 %.
 constexpr double known_signal = 2.6521 + 1.2816;
-constexpr double clear = 5;  // squared distance that is more than chance
+constexpr double clear = 7;  // squared distance that is more than chance
 
 }  // namespace
 
@@ -28,24 +28,31 @@ DetectionGround::DetectionGround(const Lab& lab, const Notes& notes, std::size_t
   plan_.dark_frames = dark_frames;
   plan_.split = split_of(frames);
   plan_.threads = threads;
-  none_ = judge(lab_, "detection/none").halves();
+  none_ = judge_twice(lab_, "detection/none", stacks_without);
 }
 
-DetectionGround::Judged DetectionGround::judge(const Lab& lab, std::string_view stream) const {
+std::array<DetectionGround::Judged, 2> DetectionGround::judge_twice(const Lab& lab, std::string_view stream,
+                                                                    int count) const {
+  StackPlan twin = plan_;
+  twin.seed = plan_.seed + 1;
+  return {judge(lab, stream, count, plan_), judge(lab, stream, count, twin)};
+}
+
+DetectionGround::Judged DetectionGround::judge(const Lab& lab, std::string_view stream, int count,
+                                               StackPlan plan) const {
   // The same chance at every strength.
   const std::uint64_t number = numbers_of("detection/calibrated");
-  const auto light = simulate_stack(lab, plan_, number, true);
-  const auto darks = plan_.dark_frames.count() > 0 ? simulate_stack(lab, plan_, number, false) : nullptr;
+  const auto light = simulate_stack(lab, plan, number, true);
+  const auto darks = plan.dark_frames.count() > 0 ? simulate_stack(lab, plan, number, false) : nullptr;
   CalibrationInput input;
   input.notes = notes_;
   input.frames = light.get();
   input.darks = darks.get();
   const Calibration calibration = calibrate(input);
-  StackPlan plan = plan_;
   plan.model = calibration.model;
   const BatteryValues values = measure(plan.model, *light, darks.get(), plan.split);
   Judged judged{plain_model({&values, &calibration, &notes_}, null_stacks, plan), {}};
-  const Population population = simulate_population(lab, {}, stacks, plan, numbers_of(stream));
+  const Population population = simulate_population(lab, {}, count, plan, numbers_of(stream));
   const Standard& plain = *judged.plain.standard;
   judged.residuals.resize(population.whole.rows(), population.whole.cols());
   for (Eigen::Index n = 0; n < population.whole.rows(); ++n)
@@ -59,45 +66,45 @@ DetectionGround::Seen DetectionGround::look(const EffectDeclaration& effect, Par
   Lab lab = lab_;
   values.front() = strength;
   lab.effects[effect.name] = values;
-  std::optional<Judged> stacks_with_it;
+  std::optional<std::array<Judged, 2>> twins;
   try {
-    stacks_with_it = judge(lab, fmt::format("detection/{}/{}", effect.name, strength));
+    twins = judge_twice(lab, fmt::format("detection/{}/{}", effect.name, strength), stacks);
   } catch (const Error&) {
     return {-1e3, 0};  // so strong that its stacks are refused
   }
-  const Judged& judged = *stacks_with_it;
   std::vector<double> p_values;
-  for (const auto& stack : judged.residuals.rowwise())
-    p_values.push_back(judged.plain.test->p_value(stack.transpose()));
-  Halves seen = judged.halves();
-  for (std::size_t half = 0; half < 2; ++half) seen[half] -= none_[half];
-  return {std::log(std::max(1e-300, quantile(p_values, 0.9))), squared_distance(judged.plain, seen)};
+  for (const Judged& one : *twins)
+    for (const auto& stack : one.residuals.rowwise())
+      p_values.push_back(one.plain.test->p_value(stack.transpose()));
+  return {std::log(std::max(1e-300, quantile(p_values, 0.9))), squared_distance(*twins)};
 }
 
-DetectionGround::Halves DetectionGround::Judged::halves() const {
-  const Eigen::MatrixXd seen = compressed_rows(residuals);
-  Halves half;
-  for (auto& sum : half) sum.setZero(seen.cols());
-  for (Eigen::Index n = 0; n < seen.rows(); ++n)
-    half[static_cast<std::size_t>(n % 2)] += seen.row(n).transpose() / (static_cast<double>(seen.rows()) / 2);
-  return half;
+Eigen::VectorXd DetectionGround::Judged::middle() const {
+  return compressed_rows(residuals).colwise().mean().transpose();
 }
 
-/// Correlations of hundreds of statistics are known from fewer stacks: how far stacks that they were not
-/// learned from scatter along the effect's way is what it has to stand out of.
-double DetectionGround::squared_distance(const Model& plain, const Halves& from_none) const {
-  const Eigen::MatrixXd own = compressed_rows(tolerated_own(plain));
-  const std::vector<Correlation> without_fold = correlations_without_each_fold(plain.standard->own());
-  const Eigen::VectorXd way = 0.5 * (from_none[0] + from_none[1]);
-  double scatter = 0;
-  for (int fold = 0; fold < Standard::folds; ++fold) {
-    const Eigen::VectorXd filter = without_fold[static_cast<std::size_t>(fold)].weighed(way).col(0);
-    const double norm = way.dot(filter);
-    for (Eigen::Index n = fold; n < own.rows(); n += Standard::folds)
-      scatter += std::pow(own.row(n).dot(filter), 2) / norm;
+/// What the plain models of either twin are off by is not common to both, and makes no distance. Correlations
+/// of hundreds of statistics are known from fewer stacks: how far stacks that they were not learned from
+/// scatter along the effect's way is what it has to stand out of.
+double DetectionGround::squared_distance(const std::array<Judged, 2>& twins) const {
+  const Eigen::VectorXd ways[] = {twins[0].middle() - none_[0].middle(),
+                                  twins[1].middle() - none_[1].middle()};
+  const Eigen::VectorXd way = 0.5 * (ways[0] + ways[1]);
+  double squared = 0, scatter = 0;
+  for (const Judged& one : twins) {
+    const Eigen::MatrixXd own = compressed_rows(tolerated_own(one.plain));
+    const std::vector<Correlation> without_fold = correlations_without_each_fold(one.plain.standard->own());
+    double of_own = 0;
+    for (int fold = 0; fold < Standard::folds; ++fold) {
+      const Eigen::VectorXd filter = without_fold[static_cast<std::size_t>(fold)].weighed(way).col(0);
+      const double norm = way.dot(filter);
+      for (Eigen::Index n = fold; n < own.rows(); n += Standard::folds)
+        of_own += std::pow(own.row(n).dot(filter), 2) / norm;
+    }
+    scatter += of_own / static_cast<double>(own.rows()) / 2;
+    squared += ways[0].dot(one.plain.correlation->weighed(ways[1]).col(0)) / 2;
   }
-  return from_none[0].dot(plain.correlation->weighed(from_none[1]).col(0)) /
-         (scatter / static_cast<double>(own.rows()));
+  return squared / scatter;
 }
 
 DetectionStrength DetectionGround::of(const EffectDeclaration& effect, ParameterValues values) const {

@@ -34,23 +34,23 @@ class DetectionGround {
     /// From stacks without it, squared, in standard deviations along the effect's own way.
     double distance = 0;
   };
-  /// Compressed residuals, means over either half of some stacks: their scatter is not taken for signal.
-  using Halves = std::array<Eigen::VectorXd, 2>;
+  /// Stacks of a lab, judged by the plain model about one of them: calibrating it has absorbed what it can of
+  /// an effect, and the plain model scatters as it does there.
   struct Judged {
     Model plain;
-    Eigen::MatrixXd residuals;  // a row per stack
-    Halves halves() const;
+    Eigen::MatrixXd residuals;       // a row per stack
+    Eigen::VectorXd middle() const;  // compressed
   };
-  /// Stacks of the lab, judged by the plain model about one of them: calibrating it has absorbed what it can
-  /// of an effect, and the plain model scatters as it does there.
-  Judged judge(const Lab& lab, std::string_view stream) const;
-  double squared_distance(const Model& plain, const Halves& from_none) const;
+  Judged judge(const Lab& lab, std::string_view stream, int count, StackPlan plan) const;
+  /// Twins with no chance in common, neither of the stacks nor of what is calibrated.
+  std::array<Judged, 2> judge_twice(const Lab& lab, std::string_view stream, int count) const;
+  double squared_distance(const std::array<Judged, 2>& twins) const;
   Seen look(const EffectDeclaration& effect, ParameterValues values, double strength) const;
 
   Lab lab_;
   Notes notes_;
   StackPlan plan_;
-  Halves none_;
+  std::array<Judged, 2> none_;
 };
 
 }  // namespace atomcam

@@ -51,14 +51,19 @@ bool light_flickers(const std::vector<StatisticDeclaration>& battery, const Eige
                     0.5);
 }
 
-/// How the noise differs between halves of the frame, if by more than it slopes: there it steps.
+/// How the noise differs between halves of the frame, if by more than it slopes: there it steps. Not where
+/// the sites' light slopes more than it steps.
 double noise_steps(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 5;
   const auto beyond = [&](std::string_view step, std::string_view slope) {
-    const double size = std::fabs(deviation_of(step, battery, z));
-    return size > std::fabs(deviation_of(slope, battery, z)) ? size : 0;
+    const auto of = [&](std::string_view family, std::string_view name) {
+      return std::fabs(deviation_of(std::string(family).append(name), battery, z));
+    };
+    const double size = of("light.temporal_maps.", step), sites = of("light.sites.by_site.", slope);
+    const bool of_sites = sites > std::max(clear, of("light.sites.by_site.", step));
+    return size > of("light.temporal_maps.", slope) && !of_sites ? size : 0;
   };
-  return std::max(beyond("light.temporal_maps.left_right", "light.temporal_maps.gradient_x"),
-                  beyond("light.temporal_maps.top_bottom", "light.temporal_maps.gradient_y"));
+  return std::max(beyond("left_right", "gradient_x"), beyond("top_bottom", "gradient_y"));
 }
 
 /// Two halves that an amplifier each reads: light has no edge in the middle of the sensor.
@@ -329,7 +334,8 @@ bool empty_sites_remember(const std::vector<StatisticDeclaration>& battery, cons
   constexpr double clear = 5, builds_up = 3;
   return (deviation_of("light.sites.memory.afterglow", battery, z) > clear ||
           deviation_of("light.sites.memory.foreglow", battery, z) > clear ||
-          deviation_of("light.frames.level.first_frames", battery, z) < -builds_up) &&
+          deviation_of("light.frames.level.first_frames", battery, z) < -builds_up ||
+          deviation_of("light.sites.common.first_frames", battery, z) < -builds_up) &&
          empty_sites_hold_light(battery, z,
                                 [](const auto& one) { return one.observable == "lag_correlation"; });
 }

@@ -59,10 +59,13 @@ TEST(Stages, NoiseThatSlopesWhereOffsetsHideTheMeanIsTheLights) {
       {"light.temporal_maps.radial", "variance_map", "space", "whole frame", false},
       {"light.static_offsets.gradient_y", "mean_map", "space", "whole frame", false},
       {"light.sites.by_site.few_waves", "site_brightness", "site", "occupied sites", false},
+      {"light.sites.by_site.gradient_y", "site_brightness", "site", "occupied sites", false},
+      {"light.sites.by_site.top_bottom", "site_brightness", "site", "occupied sites", false},
       {"dark.temporal_maps.radial", "variance_map", "space", "whole frame", true}};
-  const auto stage = [&](double gradient, double halves, double radial, double sites, double mean = 0) {
-    Eigen::VectorXd z(6);
-    z << gradient, halves, radial, mean, sites, 0;
+  const auto stage = [&](double gradient, double halves, double radial, double sites, double mean = 0,
+                         double sites_slope = 0, double sites_step = 0) {
+    Eigen::VectorXd z(8);
+    z << gradient, halves, radial, mean, sites, sites_slope, sites_step, 0;
     return stage_of_differences(slopes, z, {});
   };
   EXPECT_EQ(stage(28, -18, 0, 3), "optics");
@@ -70,6 +73,8 @@ TEST(Stages, NoiseThatSlopesWhereOffsetsHideTheMeanIsTheLights) {
   EXPECT_EQ(stage(14, -13, 0, 19, 6), "optics");  // and that of the mean
   EXPECT_EQ(stage(0, 0, -14, 3), "optics");       // falls off from the middle
   EXPECT_EQ(stage(-31, 34, 0, 8), "sensor");      // steps in the middle: two amplifiers
+  EXPECT_EQ(stage(-17, 17.4, 0, 25, 0, 11, -10), "scene");  // the atoms' own light slopes
+  EXPECT_EQ(stage(-17, 17.4, 0, 25, 0, 10, -11), "sensor");
 }
 
 TEST(Stages, FramesWithMoreLightThanOthersAreTheLights) {
@@ -326,16 +331,19 @@ TEST(Stages, EmptySitesThatGlowAndNothingElseAreOfTheOptics) {
       {"light.image_noise.empty.core", "mean_variance_curve", "intensity", "empty sites", false},
       {"light.frames.level.first_frames", "frame_means", "time", "dark pixels", false},
       {"light.sites.memory.foreglow", "lag_correlation", "time", "all sites", false},
-      {"light.frames.alike", "lag_correlation", "time", "whole frame", false}};
+      {"light.frames.alike", "lag_correlation", "time", "whole frame", false},
+      {"light.sites.common.first_frames", "brightness_series", "time", "occupied sites", false}};
   const auto stage = [&](double empty, double partial, double afterglow = 0, double first_frames = 0,
-                         double foreglow = 0, double alike = 0) {
-    Eigen::VectorXd z(9);
-    z << empty, 15, partial, afterglow, 3, 8, first_frames, foreglow, alike;
+                         double foreglow = 0, double alike = 0, double sites_first = 0) {
+    Eigen::VectorXd z(10);
+    z << empty, 15, partial, afterglow, 3, 8, first_frames, foreglow, alike, sites_first;
     return stage_of_differences(sites, z, {});
   };
   EXPECT_EQ(stage(11, -3.5), "optics");
-  EXPECT_EQ(stage(30, -3.5, 8), "sensor");            // that remembers where atoms were
-  EXPECT_EQ(stage(21, -3.5, 0, -4), "sensor");        // for so long that the stack begins darker
+  EXPECT_EQ(stage(30, -3.5, 8), "sensor");      // that remembers where atoms were
+  EXPECT_EQ(stage(21, -3.5, 0, -4), "sensor");  // for so long that the stack begins darker
+  EXPECT_EQ(stage(48, -11, 0, 0, 0, 0, -4), "sensor");
+  EXPECT_EQ(stage(48, -11, 0, 0, 0, 0, 4), "optics");
   EXPECT_EQ(stage(30, -3.5, 0, 0, 8, 13), "sensor");  // or has not read where they are next
   EXPECT_EQ(stage(11, 6), "scene");                   // atoms that leave before the end
   EXPECT_EQ(stage(-11, 1), "scene");

@@ -42,21 +42,27 @@ StampSums add_stamp(std::size_t rows, std::size_t width, const float* light, con
           static_cast<float>(total(c2)), static_cast<float>(total(w2)), static_cast<float>(total(c3))};
 }
 
+/// The site's share in a pixel of its stamp; none beyond.
+double share_at(const PackedSite& packed, int r, int c) {
+  return r < 0 || c < 0 || r >= packed.rows || c >= packed.columns
+             ? 0.0
+             : static_cast<double>(
+                   packed.share[packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c)]);
+}
+double laplacian_at(const PackedSite& packed, int r, int c) {
+  return share_at(packed, r, c + 1) + share_at(packed, r, c - 1) + share_at(packed, r + 1, c) +
+         share_at(packed, r - 1, c) - 4 * share_at(packed, r, c);
+}
+
 /// What a site's pixels gain when its image gets wider by itself: the Laplacian of the share, less what of
 /// it, with pixels so weighted, looks like a change of brightness or of the level everywhere.
 Floats widening_of(const PackedSite& packed, const Floats& weight) {
-  const auto at = [&](int r, int c) {
-    return packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
-  };
-  const auto share = [&](int r, int c) {
-    return r < 0 || c < 0 || r >= packed.rows || c >= packed.columns ? 0.0f : packed.share[at(r, c)];
-  };
   Floats widening(packed.share.size(), 0.0f), level = widening;
   for (int r = 0; r < packed.rows; ++r)
     for (int c = 0; c < packed.columns; ++c) {
-      widening[at(r, c)] =
-          share(r, c + 1) + share(r, c - 1) + share(r + 1, c) + share(r - 1, c) - 4 * share(r, c);
-      level[at(r, c)] = 1;
+      const std::size_t i = packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
+      widening[i] = static_cast<float>(laplacian_at(packed, r, c));
+      level[i] = 1;
     }
   const auto take_away = [&](const Floats& of, Floats& from) {
     double product = 0, norm = 0;
@@ -270,15 +276,8 @@ class PointSpread : public Family {
       const float* response = sums.response.data() + begin_[s];
       const double change2 = sums.change2[s] + 1e-12;
       all_change += change2;
-      const auto share = [&](int r, int c) -> double {
-        return r < 0 || c < 0 || r >= packed.rows || c >= packed.columns
-                   ? 0.0
-                   : static_cast<double>(packed.share[packed.width * static_cast<std::size_t>(r) +
-                                                      static_cast<std::size_t>(c)]);
-      };
-      const auto laplacian = [&](int r, int c) {
-        return share(r, c + 1) + share(r, c - 1) + share(r + 1, c) + share(r - 1, c) - 4 * share(r, c);
-      };
+      const auto share = [&](int r, int c) { return share_at(packed, r, c); };
+      const auto laplacian = [&](int r, int c) { return laplacian_at(packed, r, c); };
       std::array<double, template_count> product{}, norm{};
       deviation.assign(packed.share.size(), 0.0);
       for (int r = 0; r < packed.rows; ++r)

@@ -192,6 +192,8 @@ class Diagnoser {
   void conclude() {
     how_far();
     if (have_final_ && closes_too_little(result_.gap, final_, plain_)) withdraw();
+    // A name is what frames confirm that it was not fitted to.
+    if (result_.verdict == Verdict::explained && !result_.gap.shows) result_.verdict = Verdict::ambiguous;
     tell_apart();
     if (!options_.where_only) ask_others();
     result_.where = ranked_differences(declarations_, plain_.z, plain_.standard->tolerated(plain_.z),

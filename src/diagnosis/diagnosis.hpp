@@ -69,7 +69,9 @@ struct ObservableGap {
 struct GapClosed {
   std::string metric = "mean square of the 12 largest deviations of the battery, held-out frames";
   double before = 0, after = 0, floor = 0, closed = 0;
-  double floor_high = 0;  // 95 % of the model's own stacks have less: a gap of no more does not show
+  /// More before than 95 % of the plain model's stacks: half of the frames may be too few for what all of
+  /// them have.
+  bool shows = true;
   double closed_low = 0, closed_high = 0;
   std::vector<ObservableGap> by_observable;  // the widest gap first
   /// Where the effects are named for what they close in these observables alone: that, as `closed` is of all.

@@ -120,7 +120,7 @@ class HeldOut {
   }
 
   struct Closing {
-    double before = 0, after = 0, floor = 0, floor_high = 0, closed = 0, low = 0, high = 0;
+    double before = 0, after = 0, floor = 0, closed = 0, low = 0, high = 0;
   };
   Closing closing(const std::vector<std::string>& observables) const {
     const Eigen::VectorXd mask = only_of(observables, battery_);
@@ -129,13 +129,12 @@ class HeldOut {
     one.before = gap_of(z_before_.cwiseProduct(mask));
     one.after = gap_of(z_after_.cwiseProduct(mask));
     one.floor = floor.at(0.5);
-    one.floor_high = floor.at(0.95);
     const auto closed = [&](double from) {
       if (one.before <= from) return one.after <= from ? 1.0 : 0.0;
       return std::clamp(1 - (one.after - from) / (one.before - from), -1.0, 1.0);
     };
     one.closed = closed(one.floor);
-    const double low = closed(floor.at(0.05)), high = closed(one.floor_high);
+    const double low = closed(floor.at(0.05)), high = closed(floor.at(0.95));
     one.low = std::min({low, one.closed, high});
     one.high = std::max({low, one.closed, high});
     return one;
@@ -257,10 +256,10 @@ GapClosed gap_closed(const Model& found, const Model& plain, const BatteryValues
   const HeldOut held_out(found, plain, real, battery);
   const HeldOut::Closing all = held_out.closing({});
   GapClosed gap;
+  gap.shows = gap_left(plain, real).shows;
   gap.before = all.before;
   gap.after = all.after;
   gap.floor = all.floor;
-  gap.floor_high = all.floor_high;
   gap.closed = all.closed;
   gap.closed_low = all.low;
   gap.closed_high = all.high;
@@ -286,7 +285,9 @@ GapClosed gap_left(const Model& plain, const BatteryValues& real) {
   const Standard standard(plain.population, Part::held_out);
   GapClosed gap;
   gap.before = gap.after = gap_of(standard.judge(as_vector(real.part[1])));
-  gap.floor = Floor(standard.own()).at(0.5);
+  const Floor floor(standard.own());
+  gap.floor = floor.at(0.5);
+  gap.shows = gap.before > floor.at(0.95);
   return gap;
 }
 

@@ -145,7 +145,8 @@ bool Naming::takes_nearly_all(const Model& model) const {
 }
 
 bool Naming::may_be(const Model& model) const {
-  return likelier(model) && !contradicted(model) && wanted_more_of(model).empty() && not_seen(model).empty();
+  return likelier(model) && !contradicted(model) && foreign_to(model) < 0 && wanted_more_of(model).empty() &&
+         not_seen(model).empty();
 }
 
 Naming::Below Naming::below(const Model& model, const std::vector<std::string>& observables) const {
@@ -241,6 +242,24 @@ std::string Naming::odd_where_most_was(const Model& model) const {
              : "";
 }
 
+/// Frames may fit a model in what its effects do not touch: other stacks scatter otherwise by chance, and its
+/// calibration may go farther.
+Eigen::Index Naming::foreign_to(const Model& model) const {
+  constexpr double clear = 5, beside = 0.6, as_odd = 0.5;  // of the oddest; of the frames' deviation
+  Eigen::Index at = -1;
+  if (!model.explains.empty()) return at;
+  double oddest = std::max(clear, beside * plain_.z.cwiseAbs().maxCoeff());
+  for (Eigen::Index i = 0; i < plain_.z.size(); ++i) {
+    const double z = plain_.z(i);
+    if (std::fabs(z) <= oddest) continue;
+    const auto reach = (model.from_plain.col(i).array() * z > as_odd * z * z).count();
+    if (static_cast<double>(reach) >= hardly_any * static_cast<double>(model.from_plain.rows())) continue;
+    oddest = std::fabs(z);
+    at = i;
+  }
+  return at;
+}
+
 std::string Naming::objection(const Model& model) const {
   if (model.p_value < reject_level) {
     Eigen::Index worst = 0;
@@ -249,6 +268,8 @@ std::string Naming::objection(const Model& model) const {
   }
   if (const Eigen::Index at = largest_as_it_was(model); at >= 0)
     return what_is_left(model, at) + ", as it was";
+  if (const Eigen::Index at = foreign_to(model); at >= 0)
+    return fmt::format("does not touch {}", battery_[static_cast<std::size_t>(at)].name);
   if (const std::string more = wanted_more_of(model); !more.empty())
     return fmt::format("the frames want more of {} than it can be", more);
   if (std::string missing = not_seen(model); !missing.empty()) return missing;

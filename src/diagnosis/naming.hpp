@@ -109,6 +109,8 @@ class Naming {
   std::string what_is_left(const Model& model, Eigen::Index at) const;
   /// Where the largest difference is that is clear and as it was; none: -1.
   Eigen::Index largest_as_it_was(const Model& model) const;
+  /// The oddest statistic that hardly any of the model's stacks has half as odd; none: -1.
+  Eigen::Index foreign_to(const Model& model) const;
 
   const Model& plain_;
   const BatteryValues& real_;

@@ -58,6 +58,8 @@ std::vector<std::string> next_measurements(const Diagnosis& diagnosis, bool has_
     list.push_back(
         "100 or more frames with the shutter closed, same settings: they separate what the sensor does from "
         "what light does");
+  if (!diagnosis.gap.shows)
+    list.push_back("as many frames again: a gap that shows in half of them can confirm a name");
   std::string stage = diagnosis.unexplained.stage;
   if (stage.empty() && !diagnosis.effects.empty()) stage = diagnosis.effects.front().stage;
   if (stage == "sensor") {
@@ -97,13 +99,6 @@ std::string sentence_of(const Diagnosis& d) {
                              ? ""
                              : fmt::format("; {} of {} were looked at", d.frames.count(), d.frames.all()));
     case Verdict::explained:
-      // Half of the frames may be too few for a gap that all of them have.
-      if (d.gap.before > 0 && d.gap.before <= d.gap.floor_high)
-        return fmt::format(
-            "{} {} a gap that all frames have (p = {:.1g}, with {} {:.2g}) and the held-out half does not "
-            "show.",
-            names(), d.effects.size() > 1 ? "explain" : "explains", d.p_gap,
-            d.effects.size() > 1 ? "them" : "it", d.p_after);
       return fmt::format("{} {} {} of the gap on held-out frames.", names(),
                          d.effects.size() > 1 ? "close" : "closes", percent(d.gap.closed));
     case Verdict::partly_explained:
@@ -119,6 +114,12 @@ std::string sentence_of(const Diagnosis& d) {
       std::set<std::string> others;  // of several effects each has the same
       for (const FoundEffect& effect : d.effects)
         others.insert(effect.confusable_with.begin(), effect.confusable_with.end());
+      if (!d.gap.shows)
+        return fmt::format(
+            "{}{} may explain a gap that all frames have (p = {:.1g}, with {} {:.2g}) and the held-out half "
+            "does not show, which confirms no name.",
+            names(), others.empty() ? "" : fmt::format(" or {}", fmt::join(others, ", ")), d.p_gap,
+            d.effects.size() > 1 ? "them" : "it", d.p_after);
       return fmt::format("{} or {}: these frames cannot tell them apart.", names(), fmt::join(others, ", "));
     }
     case Verdict::unexplained: {

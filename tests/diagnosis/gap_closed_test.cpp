@@ -90,6 +90,31 @@ TEST(GapClosed, AGapThatStandsOutOfTheScatterNeedsNoStackNearBy) {
   EXPECT_LT(made.closed_by_walks(false, 4), 0.75);
 }
 
+TEST(GapClosed, AGapShowsWhereHeldOutFramesHaveMoreThanNineteenInTwentyStacks) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  const auto noise = [&](Eigen::Index rows) {
+    return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(rows, statistics, [&] { return normal(random); }));
+  };
+  Model plain;
+  plain.population.draws = Eigen::MatrixXd::Zero(stacks, 0);
+  plain.population.part[1] = noise(stacks);
+  constexpr int times = 400;
+  const auto shown = [&](double by) {
+    int count = 0;
+    for (int time = 0; time < times; ++time) {
+      Eigen::VectorXd half = noise(1).row(0).transpose();
+      half(0) += by;
+      BatteryValues real;
+      real.part[1].assign(half.begin(), half.end());
+      count += gap_left(plain, real).shows;
+    }
+    return count;
+  };
+  EXPECT_NEAR(shown(0), 0.05 * times, 5 * std::sqrt(0.05 * 0.95 * times));
+  EXPECT_GT(shown(7), 0.95 * times);
+}
+
 /// Root mean square by which what half of the frames says of an effect misses the truth, in widths of the
 /// draws. `slope`: of each statistic, per width, in deviations of its noise.
 double missed_by_half(double slope) {

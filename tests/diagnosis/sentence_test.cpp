@@ -35,22 +35,21 @@ TEST(Sentence, TellsNoFractionOfAGapThatHeldOutFramesDoNotHave) {
   Diagnosis found;
   found.verdict = Verdict::explained;
   found.effects.push_back({"row_noise", "sensor", {}, 0.9, {}});
-  found.gap.before = 12;
-  found.gap.floor = 6;
-  found.gap.floor_high = 8;
   found.gap.closed = 0.97;
   EXPECT_EQ(sentence_of(found), "row_noise closes 97 % of the gap on held-out frames.");
+  found.verdict = Verdict::ambiguous;
   found.p_gap = 1e-6;
   found.p_after = 0.84;
   const std::string not_shown =
-      "row_noise explains a gap that all frames have (p = 1e-06, with it 0.84) and the held-out half does "
-      "not show.";
-  found.gap.before = 5;
+      "row_noise may explain a gap that all frames have (p = 1e-06, with it 0.84) and the held-out half does "
+      "not show, which confirms no name.";
+  found.gap.shows = false;
   EXPECT_EQ(sentence_of(found), not_shown);
-  // Nor where one in twenty stacks without a gap has as much.
-  found.gap.before = 7;
-  found.gap.closed = 0.1;
-  EXPECT_EQ(sentence_of(found), not_shown);
+  EXPECT_TRUE(next_measurements(found, true).front().starts_with("as many frames again"));
+  found.effects.front().confusable_with = {"emi_stripes"};
+  EXPECT_TRUE(sentence_of(found).starts_with("row_noise or emi_stripes may explain")) << sentence_of(found);
+  found.gap.shows = true;
+  EXPECT_EQ(sentence_of(found), "row_noise or emi_stripes: these frames cannot tell them apart.");
 }
 
 TEST(Sentence, OfAgreementSaysHowManyFramesWereLookedAt) {

@@ -8,6 +8,7 @@
 
 #include "calibration/pupil_image.hpp"
 #include "calibration/site_images.hpp"
+#include "optics/zernike.hpp"
 #include "simulation/parallel.hpp"
 
 namespace atomcam {
@@ -124,10 +125,14 @@ std::array<double, zernike_terms> best_focus(const SiteImages& model, std::array
   return terms;
 }
 
-constexpr std::array<std::size_t, 8> even_terms = {3, 4, 5, 10, 11, 12, 13, 14};
+/// Whether the term has the same value at opposite points of the pupil.
+bool is_even(std::size_t term) {
+  return zernike_catalogue()[term].degree % 2 == 0;
+}
 
 void turn_sign(OpticsFit& fit) {
-  for (const std::size_t term : even_terms) fit.zernike_um[term] = -fit.zernike_um[term];
+  for (std::size_t term = first_fitted_zernike; term < zernike_terms; ++term)
+    if (is_even(term)) fit.zernike_um[term] = -fit.zernike_um[term];
 }
 
 }  // namespace
@@ -238,8 +243,9 @@ OpticsFit fit_optics(const MeanImage& mean, const OpticsDescription& optics, con
 
 void take_sign_of(OpticsFit& fit, const std::array<double, zernike_terms>& zernike_um) {
   double alike = 0;
-  for (const std::size_t term : even_terms) {
-    const auto row = static_cast<Eigen::Index>(lattice_parameters - 3 + term);
+  for (std::size_t term = first_fitted_zernike; term < zernike_terms; ++term) {
+    if (!is_even(term)) continue;
+    const auto row = static_cast<Eigen::Index>(lattice_parameters - first_fitted_zernike + term);
     const double variance = fit.covariance(row, row);
     if (variance > 0) alike += fit.zernike_um[term] * zernike_um[term] / variance;
   }

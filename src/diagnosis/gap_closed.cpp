@@ -91,6 +91,16 @@ ClosedByAll closed_by_all(const Model& model, const Model& plain, const Eigen::V
   return {closed_in(mask, mask, model, plain), true, seen};
 }
 
+/// What the plain model leaves of held-out frames; all else is as if nothing were found.
+GapClosed left_by(const Standard& plain, const Eigen::VectorXd& z) {
+  const Floor floor(plain.own());
+  GapClosed gap;
+  gap.before = gap.after = gap_of(z);
+  gap.floor = floor.at(0.5);
+  gap.shows = gap.before > floor.at(0.95);
+  return gap;
+}
+
 /// Held-out frames, judged by the plain model and by that with the effects.
 class HeldOut {
  public:
@@ -106,6 +116,7 @@ class HeldOut {
     const Eigen::VectorXd values = fitted_to_first_part(found, estimator, real)
                                        .tail(std::ssize(found.open) - found.first_effect_parameter);
     z_before_ = before_.judge(statistics);
+    shows_ = left_by(before_, z_before_).shows;
     z_after_ = after_.judge(statistics, values);
     const Eigen::VectorXd in_common = z_before_.cwiseProduct(in_larger_units(before_, after_));
     if (closed_by_all(found, plain, only_of(found.explains, battery)).in_own_units ||
@@ -118,6 +129,8 @@ class HeldOut {
     z_after_ = z_after_.cwiseProduct(units);
     own_ = own_ * units.asDiagonal();
   }
+
+  bool shows() const { return shows_; }
 
   struct Closing {
     double before = 0, after = 0, floor = 0, closed = 0, low = 0, high = 0;
@@ -188,6 +201,7 @@ class HeldOut {
   Standard before_, after_;
   Eigen::MatrixXd own_;                 // of the model with effects, as z_after
   Eigen::VectorXd z_before_, z_after_;  // deviations in common units
+  bool shows_ = false;
 };
 
 }  // namespace
@@ -256,7 +270,7 @@ GapClosed gap_closed(const Model& found, const Model& plain, const BatteryValues
   const HeldOut held_out(found, plain, real, battery);
   const HeldOut::Closing all = held_out.closing({});
   GapClosed gap;
-  gap.shows = gap_left(plain, real).shows;
+  gap.shows = held_out.shows();
   gap.before = all.before;
   gap.after = all.after;
   gap.floor = all.floor;
@@ -283,12 +297,7 @@ GapClosed gap_closed(const Model& found, const Model& plain, const BatteryValues
 
 GapClosed gap_left(const Model& plain, const BatteryValues& real) {
   const Standard standard(plain.population, Part::held_out);
-  GapClosed gap;
-  gap.before = gap.after = gap_of(standard.judge(as_vector(real.part[1])));
-  const Floor floor(standard.own());
-  gap.floor = floor.at(0.5);
-  gap.shows = gap.before > floor.at(0.95);
-  return gap;
+  return left_by(standard, standard.judge(as_vector(real.part[1])));
 }
 
 }  // namespace atomcam

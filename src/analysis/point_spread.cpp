@@ -1,6 +1,6 @@
 // The image of a site: how the pixels around it follow its brightness from frame to frame, against the share
-// that the model expects; the array's position and the width of its sites' images from frame to frame; the
-// noise in a site's image.
+// that the model expects; the array's position and the width of its sites' images from frame to frame, and
+// whether fainter atoms' images are wider; the noise in a site's image.
 
 #include <algorithm>
 #include <cmath>
@@ -16,15 +16,16 @@ namespace {
 constexpr double occupied_from = 0.65, empty_to = 0.25, dim_to = 0.92, bright_from = 1.08;
 
 struct StampSums {
-  float x = 0, y = 0, width = 0, core = 0, wing = 0, cube = 0;
+  float x = 0, y = 0, width = 0, atom_width = 0, core = 0, wing = 0, cube = 0;
 };
 
 /// response += change * residual; sums of the residual over the stamp.
 ATOMCAM_VECTOR_CLONES
 StampSums add_stamp(std::size_t rows, std::size_t width, const float* light, const float* mean,
                     std::ptrdiff_t stride, float change, const float* slope_x, const float* slope_y,
-                    const float* widening, const float* core, const float* wing, float* response) {
-  Lanes x = lanes(0), y = x, wider = x, c2 = x, w2 = x, c3 = x;
+                    const float* widening, const float* atom_widening, const float* core, const float* wing,
+                    float* response) {
+  Lanes x = lanes(0), y = x, wider = x, atom_wider = x, c2 = x, w2 = x, c3 = x;
   const Lanes change_lanes = lanes(change);
   std::size_t i = 0;
   for (std::size_t r = 0; r < rows; ++r, light += stride, mean += stride)
@@ -34,12 +35,15 @@ StampSums add_stamp(std::size_t rows, std::size_t width, const float* light, con
       x += d * load(slope_x + i);
       y += d * load(slope_y + i);
       wider += d * load(widening + i);
+      atom_wider += d * load(atom_widening + i);
       c2 += d2 * in_core;
       c3 += d2 * d * in_core;
       w2 += d2 * load(wing + i);
     }
-  return {static_cast<float>(total(x)),  static_cast<float>(total(y)),  static_cast<float>(total(wider)),
-          static_cast<float>(total(c2)), static_cast<float>(total(w2)), static_cast<float>(total(c3))};
+  return {static_cast<float>(total(x)),     static_cast<float>(total(y)),
+          static_cast<float>(total(wider)), static_cast<float>(total(atom_wider)),
+          static_cast<float>(total(c2)),    static_cast<float>(total(w2)),
+          static_cast<float>(total(c3))};
 }
 
 /// The site's share in a pixel of its stamp; none beyond.
@@ -55,28 +59,30 @@ double laplacian_at(const PackedSite& packed, int r, int c) {
 }
 
 /// What a site's pixels gain when its image gets wider by itself: the Laplacian of the share, less what of
-/// it, with pixels so weighted, looks like a change of brightness or of the level everywhere.
-Floats widening_of(const PackedSite& packed, const Floats& weight) {
-  Floats widening(packed.share.size(), 0.0f), level = widening;
+/// it, with pixels so weighted, looks like any of `others`.
+Floats widening_of(const PackedSite& packed, const Floats& weight, std::vector<Floats> others) {
+  Floats widening(packed.share.size(), 0.0f);
   for (int r = 0; r < packed.rows; ++r)
-    for (int c = 0; c < packed.columns; ++c) {
-      const std::size_t i = packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
-      widening[i] = static_cast<float>(laplacian_at(packed, r, c));
-      level[i] = 1;
-    }
-  const auto take_away = [&](const Floats& of, Floats& from) {
-    double product = 0, norm = 0;
-    for (std::size_t i = 0; i < of.size(); ++i) {
-      product += static_cast<double>(weight[i] * of[i] * from[i]);
-      norm += static_cast<double>(weight[i] * of[i] * of[i]);
-    }
-    if (norm > 0)
-      for (std::size_t i = 0; i < of.size(); ++i) from[i] -= static_cast<float>(product / norm) * of[i];
+    for (int c = 0; c < packed.columns; ++c)
+      widening[packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c)] =
+          static_cast<float>(laplacian_at(packed, r, c));
+  const auto product = [&](const Floats& a, const Floats& b) {
+    double sum = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) sum += static_cast<double>(weight[i] * a[i] * b[i]);
+    return sum;
   };
-  Floats brightness = packed.share;
-  take_away(level, brightness);
-  take_away(level, widening);
-  take_away(brightness, widening);
+  const auto take_away = [&](const Floats& of, Floats& from) {
+    const double part = product(of, from) / product(of, of);
+    for (std::size_t i = 0; i < of.size(); ++i) from[i] -= static_cast<float>(part) * of[i];
+  };
+  constexpr double rounding = 1e-6;
+  std::vector<Floats> apart;
+  for (Floats& other : others) {
+    const double whole = product(other, other);
+    for (const Floats& before : apart) take_away(before, other);
+    if (product(other, other) > rounding * whole) apart.push_back(std::move(other));
+  }
+  for (const Floats& other : apart) take_away(other, widening);
   return widening;
 }
 
@@ -140,12 +146,45 @@ constexpr std::string_view template_names[] = {"x",        "y",      "width_x", 
 constexpr int rings = 8, tails = 4;
 enum Class { empty, dim, usual, bright, class_count };
 
+/// How much of the widening there is in the images of single atoms, by their brightness: if all are as wide,
+/// more than expected or not, a straight line.
+struct WidthCurve {
+  std::array<double, 5> of_brightness{};  // sums of its powers
+  std::array<double, 3> of_width{};       // of the widening times its powers
+
+  void add(double b, double widening, double norm) {
+    double power = 1;
+    for (std::size_t k = 0; k < of_brightness.size(); ++k, power *= b) {
+      of_brightness[k] += norm * power;
+      if (k < of_width.size()) of_width[k] += widening * power;
+    }
+  }
+  WidthCurve& operator+=(const WidthCurve& other) {
+    for (std::size_t k = 0; k < of_brightness.size(); ++k) of_brightness[k] += other.of_brightness[k];
+    for (std::size_t k = 0; k < of_width.size(); ++k) of_width[k] += other.of_width[k];
+    return *this;
+  }
+  /// Least squares of the square, beside constant and line.
+  double curvature() const {
+    const auto moment = [this](std::size_t k) { return of_brightness[k] / of_brightness[0]; };
+    const double mean = moment(1), variance = moment(2) - mean * mean,
+                 third = moment(3) - 3 * mean * moment(2) + 2 * mean * mean * mean,
+                 fourth = moment(4) - 4 * mean * moment(3) + 6 * mean * mean * moment(2) -
+                          3 * mean * mean * mean * mean,
+                 line = third / variance;
+    const double product =
+        of_width[2] - (2 * mean + line) * of_width[1] + (mean * mean + line * mean - variance) * of_width[0];
+    return product / of_brightness[0] / (fourth - variance * variance - third * line);
+  }
+};
+
 struct Sums {
   Floats response;                 // all sites' stamps one after the other
   std::vector<double> change2;     // per site: sum of the squared changes of brightness
   std::vector<double> core, wing;  // per site, occupied frames
   std::vector<double> occupied;    // per site: their number
   std::array<double, class_count> class_core{}, class_wing{}, class_cube{}, class_number{};
+  WidthCurve width;
   Sums& operator+=(const Sums& other) {
     const auto add = [](auto& to, const auto& from) {
       for (std::size_t i = 0; i < to.size(); ++i) to[i] += from[i];
@@ -154,6 +193,7 @@ struct Sums {
         add(occupied, other.occupied);
     add(class_core, other.class_core), add(class_wing, other.class_wing), add(class_cube, other.class_cube),
         add(class_number, other.class_number);
+    width += other.width;
     return *this;
   }
 };
@@ -175,7 +215,7 @@ class PointSpread : public Family {
       field_y_.push_back((layout.sites[s].y_px - y_sum) / extent);
       // Weights of photon noise and read noise together.
       Weights w;
-      Floats weight(packed.share.size(), 0.0f);
+      Floats weight(packed.share.size(), 0.0f), level = weight;
       for (Floats* values : {&w.x, &w.y, &w.core, &w.wing}) *values = weight;
       for (int r = 0; r < packed.rows; ++r)
         for (int c = 0; c < packed.columns; ++c) {
@@ -193,11 +233,19 @@ class PointSpread : public Family {
           w.norm_x += static_cast<double>(w.x[i]) * static_cast<double>(packed.slope_x[i]);
           w.norm_y += static_cast<double>(w.y[i]) * static_cast<double>(packed.slope_y[i]);
           weight[i] = scale2;
+          level[i] = 1;
         }
-      w.width = widening_of(packed, weight);
+      Floats light_in_error = packed.share;
+      for (std::size_t i = 0; i < weight.size(); ++i) light_in_error[i] *= packed.weight[i];
+      w.width = widening_of(packed, weight, {level, packed.share});
+      // Atoms that seem fainter by chance are no wider: nor does it go with the error that read noise or
+      // photon noise make in the brightness.
+      w.atom_width = widening_of(packed, weight, {level, packed.share, packed.weight, light_in_error});
       for (std::size_t i = 0; i < weight.size(); ++i) {
         w.norm_width += static_cast<double>(weight[i] * w.width[i] * w.width[i]);
+        w.norm_atom_width += static_cast<double>(weight[i] * w.atom_width[i] * w.atom_width[i]);
         w.width[i] *= weight[i];
+        w.atom_width[i] *= weight[i];
       }
       weights_.push_back(std::move(w));
     }
@@ -219,13 +267,15 @@ class PointSpread : public Family {
       const StampSums stamp =
           add_stamp(static_cast<std::size_t>(packed.rows), packed.width, look.light.all() + packed.offset,
                     look.mean.all() + packed.offset, layout_.shape.stride, change, w.x.data(), w.y.data(),
-                    w.width.data(), w.core.data(), w.wing.data(), sums.response.data() + begin_[s]);
+                    w.width.data(), w.atom_width.data(), w.core.data(), w.wing.data(),
+                    sums.response.data() + begin_[s]);
       sums.change2[s] += static_cast<double>(change) * static_cast<double>(change);
       const int k = b < empty_to        ? empty
                     : b < occupied_from ? class_count
                     : b < dim_to        ? dim
                     : b < bright_from   ? usual
                                         : bright;
+      sums.width.add(b, static_cast<double>(stamp.atom_width), w.norm_atom_width);
       if (k == class_count) continue;
       const auto index = static_cast<std::size_t>(k);
       sums.class_core[index] += static_cast<double>(stamp.core);
@@ -422,12 +472,14 @@ class PointSpread : public Family {
     for (std::size_t n = 0; n < record.frames; ++n)
       if (record.holds(which, n) && std::isfinite(width[n])) width_white += width_white_[n], ++width_count;
     put_series(sheet, "width", width, record, which, width_white / width_count);
+    sheet.kind({"point_spread_width", "intensity", "all sites"});
+    sheet.put("width", "against_brightness", ok(sums.width.curvature()));
   }
 
  private:
   struct Weights {
-    Floats x, y, width, core, wing;
-    double norm_x = 0, norm_y = 0, norm_width = 0, core_pixels = 0, wing_pixels = 0;
+    Floats x, y, width, atom_width, core, wing;
+    double norm_x = 0, norm_y = 0, norm_width = 0, norm_atom_width = 0, core_pixels = 0, wing_pixels = 0;
   };
   const Layout& layout_;
   std::vector<std::size_t> begin_;

@@ -521,6 +521,21 @@ std::vector<Case> cases() {
                           lit, of, e, [n](std::size_t) { return 0.0022 * static_cast<double>(n); }, 0, d);
                   }),
                   {"light.focus.width.trend", "light.focus.width.correlation_1"}});
+  Hooks faint_and_wide = in_light(
+      [moved](std::size_t, const std::vector<double>& lit, const StackModel& of, std::vector<double>& e) {
+        const auto wider = [&lit](std::size_t s) { return lit[s] < 0.9 ? 0.2 : 0.0; };
+        for (const int d : {-1, 1}) moved(lit, of, e, wider, 0, d), moved(lit, of, e, wider, d, 0);
+      });
+  faint_and_wide.brightness = [then = faint_and_wide.brightness](std::size_t n, std::vector<double>& b) {
+    for (std::size_t s = 0; s < b.size(); ++s)
+      if (noise_of(n * 25 + s) > 0.8) b[s] *= 0.7;
+    then(n, b);
+  };
+  list.push_back({"images of faint atoms that are wider",
+                  false,
+                  false,
+                  faint_and_wide,
+                  {"light.focus.width.against_brightness"}});
   return list;
 }
 

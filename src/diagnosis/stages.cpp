@@ -162,6 +162,22 @@ bool all_light_flashes(const std::vector<StatisticDeclaration>& battery, const E
   return light_flashes(battery, z) && sites > std::max(clear, beside * level) && level > no_less * sites;
 }
 
+/// So little of it beside the sites that it has no noise to tell: their light and the level drift the same
+/// way, or vary, and the level as clearly.
+bool all_light_goes_along(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 5, beside = 0.4, no_less = 0.7, quiet = 4;
+  const auto along = [&](std::string_view how) {
+    const auto of = [&](std::string_view what) {
+      return deviation_of(std::string(what).append(how), battery, z);
+    };
+    const double sites = of("light.sites.common."), level = of("light.frames.linear_level.");
+    return sites * level > 0 && std::fabs(level) > std::max(clear, no_less * std::fabs(sites)) &&
+           stands_out(std::fabs(sites), z, clear, beside);
+  };
+  return (along("trend") || along("variance")) &&
+         largest(battery, z, [](const auto& one) { return one.darks && has(one, ".frames."); }) < quiet;
+}
+
 /// The sites' light varies from frame to frame and the noise of what little light there is beside them, but
 /// not its level: it is what multiplies both.
 bool gain_flickers(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
@@ -488,6 +504,7 @@ constexpr Sign signs[] = {
     {"sensor", all_light_flashes, true},
     {"optics", light_flashes, true},
     {"sensor", gain_flickers},
+    {"sensor", all_light_goes_along, true},
     {"optics", light_flickers, true},
     {"sensor", halves_differ},
     {"optics", light_slopes, true},

@@ -116,6 +116,30 @@ TEST(Stages, AllLightThatChangesAlikeIsTheSensors) {
   EXPECT_NE(stage(42, 19, 80), "sensor");  // the atoms' own, which reaches far
 }
 
+TEST(Stages, LittleLightThatDriftsAsTheSitesDoIsTheSensors) {
+  const std::vector<StatisticDeclaration> series = {
+      {"light.sites.common.trend", "brightness_series", "time", "occupied sites", false},
+      {"light.frames.linear_level.trend", "frame_means", "time", "dark pixels", false},
+      {"light.sites.common.variance", "brightness_series", "time", "occupied sites", false},
+      {"light.frames.linear_level.variance", "frame_means", "time", "dark pixels", false},
+      {"dark.frames.level.trend", "frame_means", "time", "dark pixels", true},
+      {"light.sites.peak.variance", "site_histogram", "intensity", "occupied sites", false},
+      {"light.sites.common.peak", "brightness_series", "time", "occupied sites", false}};
+  const auto stage = [&](double sites, double level, double sites_vary, double level_varies, double darks = 0,
+                         double histogram = 0) {
+    Eigen::VectorXd z(7);
+    z << sites, level, sites_vary, level_varies, darks, histogram, std::fabs(sites);
+    return stage_of_differences(series, z, {});
+  };
+  EXPECT_EQ(stage(7.6, 6.1, 0, 0), "sensor");
+  EXPECT_EQ(stage(-7.6, -6.1, 0, 0), "sensor");
+  EXPECT_EQ(stage(7.6, -6.1, 0, 0), "scene");
+  EXPECT_EQ(stage(20, 6.1, 0, 0), "scene");  // what of the sites' light falls between them
+  EXPECT_EQ(stage(7.6, 0, 9.1, 10.8), "sensor");
+  EXPECT_EQ(stage(7.6, 0, 20, 10.8), "scene");
+  EXPECT_EQ(stage(7.6, 6.1, 0, 0, 0, 30), "scene");
+}
+
 TEST(Stages, NoiseThatVariesWithTheSitesLightAndNoLevelIsOfTheGain) {
   const std::vector<StatisticDeclaration> frames = {
       {"light.sites.common.variance", "brightness_series", "time", "occupied sites", false},

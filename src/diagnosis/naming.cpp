@@ -260,16 +260,22 @@ Eigen::Index Naming::foreign_to(const Model& model) const {
   return at;
 }
 
-std::string Naming::objection(const Model& model) const {
+Eigen::Index Naming::left_by(const Model& model) const {
   if (model.p_value < reject_level) {
     Eigen::Index worst = 0;
     model.z.cwiseAbs().maxCoeff(&worst);
-    return what_is_left(model, worst);
+    return worst;
   }
-  if (const Eigen::Index at = largest_as_it_was(model); at >= 0)
-    return what_is_left(model, at) + ", as it was";
-  if (const Eigen::Index at = foreign_to(model); at >= 0)
+  const Eigen::Index at = largest_as_it_was(model);
+  return at >= 0 ? at : foreign_to(model);
+}
+
+std::string Naming::objection(const Model& model) const {
+  if (const Eigen::Index at = left_by(model); at >= 0) {
+    if (model.p_value < reject_level) return what_is_left(model, at);
+    if (largest_as_it_was(model) >= 0) return what_is_left(model, at) + ", as it was";
     return fmt::format("does not touch {}", battery_[static_cast<std::size_t>(at)].name);
+  }
   if (const std::string more = wanted_more_of(model); !more.empty())
     return fmt::format("the frames want more of {} than it can be", more);
   if (std::string missing = not_seen(model); !missing.empty()) return missing;

@@ -67,6 +67,9 @@ class Naming {
   bool passes(const Model& model) const { return objection(model).empty(); }
   /// Why it does not pass, in words; empty if it does.
   std::string objection(const Model& model) const;
+  /// The statistic that speaks against it: the oddest under a model that is rejected, or one that it leaves
+  /// as it was or does not touch; none: -1.
+  Eigen::Index left_by(const Model& model) const;
   /// A clear difference is left as it was, or made: whatever the effect takes away, it is not what made that.
   bool contradicted(const Model& model) const { return largest_as_it_was(model) >= 0; }
   /// What of the model's effects its stacks show where it is to show, and the frames do not, in words; none:

@@ -13,6 +13,7 @@ namespace atomcam {
 namespace {
 
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
+constexpr double if_left = 6;           // likewise, where the one alone leaves something
 constexpr double more_odds = 5;         // logarithm, over the likeliest of fewer effects, for one more
 constexpr double law_shows = 0.05;  // part of what is odd in its observables, by the scan of a law of its own
 
@@ -242,7 +243,7 @@ std::optional<Found> Search::with_what_it_hides(const Named& named) {
   constexpr std::size_t most = 2;
   const Model& one = *named.model;
   std::vector<Contender> candidates;
-  if (named.verdict == Verdict::explained) candidates = with_another(one, most);
+  if (named.verdict == Verdict::explained) candidates = with_another(one, most, second_evidence);
   if (candidates.empty()) return found(named);
   std::vector<Model> both = fit_and_judge(std::move(candidates), 0.72, 0.82, {.fewer = one.distance});
   const Eigen::VectorXd statistics = as_vector(ground_.real.values->whole);
@@ -255,11 +256,11 @@ std::optional<Found> Search::with_what_it_hides(const Named& named) {
 }
 
 /// The model with one more effect that speaks for itself in what it leaves, the most promising first.
-std::vector<Contender> Search::with_another(const Model& model, std::size_t most) {
+std::vector<Contender> Search::with_another(const Model& model, std::size_t most, double least_gain) {
   std::vector<Contender> candidates;
   for (const AddedMatch& another :
        match_added(scans_, model, *ground_.plain.standard, seen_, ground_.plan.threads)) {
-    if (candidates.size() == most || another.gain < second_evidence) break;
+    if (candidates.size() == most || another.gain < least_gain) break;
     const Scan& scan = scans_[another.scan];
     candidates.push_back({title(model) + " + " + scan.effect->name,
                           with(only(model, model.effects), scan, another.best), another.gain});
@@ -324,12 +325,42 @@ std::vector<Contender> Search::contenders(const std::vector<PairMatch>& matches)
   return contenders;
 }
 
+/// Pairs whose fingerprints add up best; and where one effect takes most of the gap away, those of which the
+/// other speaks for itself in what this one leaves: over its whole range a strong one scatters by more than
+/// what a weak one does. By all statistics, or by the observable that speaks against the one alone.
+std::vector<Contender> Search::contenders_beside(const Model& alone) {
+  constexpr double most = 0.5;         // of the gap
+  constexpr double least_of_it = 0.3;  // of what is left of that observable, by the few stacks of the scan
+  constexpr std::size_t beside = 2;
+  std::vector<Contender> pairs = contenders(matched_pairs());
+  if (closed_by(alone, ground_.plain, ground_.battery) < most) return pairs;
+  const auto add = [&](Contender&& one) {
+    if (std::none_of(pairs.begin(), pairs.end(), [&](const Contender& other) {
+          return std::is_permutation(one.model.effects.begin(), one.model.effects.end(),
+                                     other.model.effects.begin(), other.model.effects.end());
+        }))
+      pairs.push_back(std::move(one));
+  };
+  const Eigen::Index left = naming_.left_by(alone);
+  for (Contender& one : with_another(alone, beside, left >= 0 ? if_left : second_evidence))
+    add(std::move(one));
+  if (left < 0) return pairs;
+  const auto others = [&](const Scan& scan) { return !alone.has(scan.effect->name); };
+  const std::string& observable = ground_.battery[static_cast<std::size_t>(left)].observable;
+  for (const Promising& one : promising_in(observable, least_of_it, beside, others))
+    add({title(alone) + " + " + one.scan->effect->name,
+         with(only(alone, alone.effects), *one.scan, one.match.best), one.match.share});
+  return pairs;
+}
+
 /// The most promising pairs, really simulated, beside what single effects leave.
 Search::Pairs Search::pairs(std::span<Model> singles) {
   const Model& left_alone = likeliest(singles);
+  // One that scatters widely is near though it leaves something: any two that are near are judged then.
+  double fewer = nearest_of(singles);
+  if (naming_.left_by(left_alone) >= 0) fewer = std::max(fewer, like_own);
   Pairs pairs;
-  for (Model& model :
-       fit_and_judge(contenders(matched_pairs()), 0.72, 0.82, {.fewer = nearest_of(singles)})) {
+  for (Model& model : fit_and_judge(contenders_beside(left_alone), 0.72, 0.82, {.fewer = fewer})) {
     // Strengths of what comes out differently every time are not known well: then likelihood tells, or what
     // one effect cannot be right about.
     const bool better = likelier(model, left_alone);
@@ -356,7 +387,8 @@ std::vector<Model> Search::triples(const Model& pair) {
   constexpr std::size_t most = 2;
   std::vector<Model> list, undecided;
   std::vector<Contender> fewer;
-  for (Model& model : fit_and_judge(with_another(pair, most), 0.84, 0.85, {.fewer = pair.distance})) {
+  for (Model& model :
+       fit_and_judge(with_another(pair, most, second_evidence), 0.84, 0.85, {.fewer = pair.distance})) {
     const bool better = likelier(model, pair);
     const std::vector<std::string> needed = significant(model);
     if (needed.size() == model.effects.size()) {
@@ -608,6 +640,26 @@ void Search::note(const Model& model, double evidence) {
   hypotheses.push_back(std::move(one));
 }
 
+/// Those of the scans asked for of which the most matches, the best first.
+std::vector<Search::Promising> Search::promising(const std::function<PartMatch(const Scan&)>& match,
+                                                 double least, std::size_t most, const Asked& asked) const {
+  std::vector<Promising> list;
+  for (const Scan& one : scans_)
+    if (asked(one))
+      if (PartMatch found = match(one); found.share > least) list.push_back({&one, std::move(found)});
+  std::stable_sort(list.begin(), list.end(), [](const Promising& one, const Promising& other) {
+    return one.match.share > other.match.share;
+  });
+  if (list.size() > most) list.resize(most);
+  return list;
+}
+
+/// Those that take most of what is odd in an observable away.
+std::vector<Search::Promising> Search::promising_in(const std::string& observable, double least,
+                                                    std::size_t most, const Asked& asked) const {
+  return promising([&](const Scan& scan) { return match_in({observable}, scan, seen_); }, least, most, asked);
+}
+
 /// What was not fitted yet though the scan says that it would take much away. Of a large gap the few stacks
 /// of a scan hardly tell which effect makes it: calibration follows, and no place of the scan is near. Of a
 /// small one that a few statistics show it says little, as hundreds of others scatter: there what takes most
@@ -615,33 +667,18 @@ void Search::note(const Model& model, double evidence) {
 std::vector<Contender> Search::overlooked() {
   constexpr double least_share = 0.1, least_of_oddest = 0.5;
   constexpr std::size_t most = 4, most_by_oddest = 3;
-  struct Overlooked {
-    const Scan* scan;
-    PartMatch match;
-  };
-  const auto promising = [&](const auto& match, double least, std::size_t count) {
-    std::vector<Overlooked> list;
-    for (const Scan& one : scans_)
-      if (PartMatch found = match(one); found.share > least && !end_alone(one))
-        list.push_back({&one, std::move(found)});
-    std::stable_sort(list.begin(), list.end(), [](const Overlooked& one, const Overlooked& other) {
-      return one.match.share > other.match.share;
-    });
-    if (list.size() > count) list.resize(count);
-    return list;
-  };
-  std::vector<Overlooked> list = promising(
-      [](const Scan& one) {
-        return PartMatch{one.best().share, one.best().best};
+  const auto not_fitted = [&](const Scan& scan) { return !end_alone(scan); };
+  std::vector<Promising> list = promising(
+      [](const Scan& scan) {
+        return PartMatch{scan.best().share, scan.best().best};
       },
-      least_share, most);
-  const std::vector<std::string> oddest = {most_missed(ground_.plain, ground_.battery)};
-  for (Overlooked& one : promising([&](const Scan& scan) { return match_in(oddest, scan, seen_); },
-                                   least_of_oddest, most_by_oddest))
-    if (std::none_of(list.begin(), list.end(), [&](const Overlooked& seen) { return seen.scan == one.scan; }))
+      least_share, most, not_fitted);
+  for (Promising& one :
+       promising_in(most_missed(ground_.plain, ground_.battery), least_of_oddest, most_by_oddest, not_fitted))
+    if (std::none_of(list.begin(), list.end(), [&](const Promising& seen) { return seen.scan == one.scan; }))
       list.push_back(std::move(one));
   std::vector<Contender> contenders;
-  for (const Overlooked& one : list)
+  for (const Promising& one : list)
     contenders.push_back({one.scan->effect->name, with(ground_.plain, *one.scan, one.match.best),
                           one.scan->best().log_likelihood});
   return contenders;

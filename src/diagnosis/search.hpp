@@ -3,6 +3,7 @@
 // for, fits by simulation from several starts, and the verdict on what they come to.
 
 #include <array>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -51,7 +52,7 @@ class Search {
  private:
   std::optional<Found> whole();
   std::optional<Found> with_what_it_hides(const Named& named);
-  std::vector<Contender> with_another(const Model& model, std::size_t most);
+  std::vector<Contender> with_another(const Model& model, std::size_t most, double least_gain);
   struct Pairs {
     std::vector<Model> both_needed, undecided;
     std::vector<Contender> needed_alone;  // one of two, about where the pair has it
@@ -61,6 +62,7 @@ class Search {
   std::optional<Found> clear_pair();
   double how_near(Model model, double progress);
   std::vector<Contender> contenders(const std::vector<PairMatch>& matches);
+  std::vector<Contender> contenders_beside(const Model& alone);
   Pairs pairs(std::span<Model> singles);
   std::vector<Model> triples(const Model& pair);
   std::optional<Found> in_part();
@@ -75,6 +77,15 @@ class Search {
   std::vector<Contender> starts_of(const Scan& scan, StartKind from, StartKind to);
   std::vector<Contender> starts();
   std::vector<Contender> other_starts(std::span<Model> singles);
+  struct Promising {
+    const Scan* scan;
+    PartMatch match;
+  };
+  using Asked = std::function<bool(const Scan&)>;
+  std::vector<Promising> promising(const std::function<PartMatch(const Scan&)>& match, double least,
+                                   std::size_t most, const Asked& asked) const;
+  std::vector<Promising> promising_in(const std::string& observable, double least, std::size_t most,
+                                      const Asked& asked) const;
   std::vector<Contender> overlooked();
   void add_pair(const PairMatch& match, std::vector<Contender>& candidates);
   std::optional<Eigen::VectorXd> end_alone(const Scan& scan) const;

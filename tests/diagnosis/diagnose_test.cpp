@@ -151,6 +151,23 @@ TEST(Diagnose, AWeakEffectIsNamedBesideAStrongOneThatLeavesNothingOdd) {
   EXPECT_GE(alone->p_value, reject_level);
 }
 
+// Of what a weak effect does only one statistic tells, and over all strengths the strong one scatters by more
+// than that; alone it leaves it.
+TEST(Diagnose, AnEffectIsFoundByTheOneStatisticThatAStrongOneLeaves) {
+  const Diagnosis found =
+      Case("row_noise", 5, {{"atom_hopping", {0.2}}}).diagnose({"row_noise", "atom_hopping", "blinking"});
+  EXPECT_EQ(found.verdict, Verdict::explained) << found.sentence;
+  ASSERT_EQ(found.effects.size(), 2) << found.sentence;
+  EXPECT_EQ(found.effects[0].name, "row_noise");
+  EXPECT_EQ(found.effects[1].name, "atom_hopping");
+  const auto alone =
+      std::find_if(found.hypotheses.begin(), found.hypotheses.end(), [](const Hypothesis& one) {
+        return one.effects == std::vector<std::string>{"row_noise"} && one.p_value >= 0;
+      });
+  ASSERT_NE(alone, found.hypotheses.end());
+  EXPECT_NE(alone->why_not.find("light.sites.pairs.exchange"), std::string::npos) << alone->why_not;
+}
+
 TEST(Diagnose, TwoClearEffectsAreNamedBeforeOneAlone) {
   const std::vector<std::string> both = {"row_noise", "hot_pixels"};
   const Diagnosis found =

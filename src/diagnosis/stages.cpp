@@ -553,7 +553,8 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
   for (const Sign& sign : signs)
     if ((both || !sign.both) && sign.shows(battery, z)) return std::string(sign.stage);
   if (!hypotheses.empty()) {
-    // The stage of the known effects that come closest, as far as these take anything away.
+    // The stage of the known effects that come closest, as far as these take anything away; not the more of
+    // them there are.
     std::set<std::vector<std::string>> not_seen;
     for (const Hypothesis& one : hypotheses)
       if (one.not_seen) not_seen.insert(one.effects);
@@ -564,8 +565,13 @@ std::string stage_of_differences(const std::vector<StatisticDeclaration>& batter
     for (const Hypothesis& one : hypotheses)
       if (counts(one) && one.log_evidence > best) best = one.log_evidence, share = one.share;
     const double trust = 2 * std::max(1.0, all) * std::pow(std::min(1.0, 2 * share), 3);
+    std::map<std::string, double> closest;
     for (const Hypothesis& one : hypotheses)
-      if (counts(one)) votes[stage_of(one.effects.front())] += trust * std::pow(one.log_evidence / best, 4);
+      if (counts(one)) {
+        double& of_stage = closest[stage_of(one.effects.front())];
+        of_stage = std::max(of_stage, trust * std::pow(one.log_evidence / best, 4));
+      }
+    for (const auto& [stage, weight] : closest) votes[stage] += weight;
   }
   return std::max_element(votes.begin(), votes.end(),
                           [](const auto& a, const auto& b) { return a.second < b.second; })

@@ -579,5 +579,18 @@ TEST(Stages, AnEffectSpeaksForItsStageAsFarAsItExplains) {
   EXPECT_EQ(stage_at(0, 20, 0, 0, {one, judged}), "sensor");
 }
 
+TEST(Stages, ManyEffectsThatComeAsCloseSpeakNoLouder) {
+  std::vector<Hypothesis> list;
+  for (const char* name : {"pixel_response_nonuniformity", "etaloning_fringes", "stray_light_gradient",
+                           "vignetting", "field_tilt_defocus", "etaloning_fringes"}) {
+    Hypothesis one;
+    one.effects = {name};
+    one.log_evidence = 80;
+    one.share = 0.3;
+    list.push_back(one);
+  }
+  EXPECT_EQ(stage_at(0, 20, 0, 0, list), "sensor");
+}
+
 }  // namespace
 }  // namespace atomcam

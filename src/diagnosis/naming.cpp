@@ -273,7 +273,7 @@ Eigen::Index Naming::left_by(const Model& model) const {
 std::string Naming::objection(const Model& model) const {
   if (const Eigen::Index at = left_by(model); at >= 0) {
     if (model.p_value < reject_level) return what_is_left(model, at);
-    if (largest_as_it_was(model) >= 0) return what_is_left(model, at) + ", as it was";
+    if (contradicted(model)) return what_is_left(model, at) + ", as it was";
     return fmt::format("does not touch {}", battery_[static_cast<std::size_t>(at)].name);
   }
   if (const std::string more = wanted_more_of(model); !more.empty())

@@ -14,6 +14,7 @@ namespace {
 
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 constexpr double if_left = 6;           // likewise, where the one alone leaves something
+constexpr double takes_most = 0.5;      // of the gap: an effect that is likely there, though not accepted
 constexpr double more_odds = 5;         // logarithm, over the likeliest of fewer effects, for one more
 constexpr double law_shows = 0.05;  // part of what is odd in its observables, by the scan of a law of its own
 
@@ -198,11 +199,11 @@ std::vector<Contender> Search::starts() {
 /// fit may have ended in a valley. (A bias that wanders slowly through a short stack, where the few stacks of
 /// the scan had found a faster one.)
 std::vector<Contender> Search::other_starts(std::span<Model> singles) {
-  constexpr double most = 0.5;
   if (singles.empty()) return {};
   const Model& nearest = likeliest(singles);
   const StartKind before = started_[nearest.effects.front()];
-  if (before == StartKind::usual || closed_by(nearest, ground_.plain, ground_.battery) < most) return {};
+  if (before == StartKind::usual || closed_by(nearest, ground_.plain, ground_.battery) < takes_most)
+    return {};
   return starts_of(scan_of(nearest.effects.front()),
                    before == StartKind::best ? StartKind::seen : StartKind::usual, StartKind::usual);
 }
@@ -329,11 +330,10 @@ std::vector<Contender> Search::contenders(const std::vector<PairMatch>& matches)
 /// other speaks for itself in what this one leaves: over its whole range a strong one scatters by more than
 /// what a weak one does. By all statistics, or by the observable that speaks against the one alone.
 std::vector<Contender> Search::contenders_beside(const Model& alone) {
-  constexpr double most = 0.5;         // of the gap
   constexpr double least_of_it = 0.3;  // of what is left of that observable, by the few stacks of the scan
   constexpr std::size_t beside = 2;
   std::vector<Contender> pairs = contenders(matched_pairs());
-  if (closed_by(alone, ground_.plain, ground_.battery) < most) return pairs;
+  if (closed_by(alone, ground_.plain, ground_.battery) < takes_most) return pairs;
   const auto add = [&](Contender&& one) {
     if (std::none_of(pairs.begin(), pairs.end(), [&](const Contender& other) {
           return std::is_permutation(one.model.effects.begin(), one.model.effects.end(),

@@ -133,6 +133,12 @@ double light_of_sites(const std::vector<StatisticDeclaration>& battery, const Ei
   return largest(battery, z, [](const auto& one) { return !one.darks && has(one, ".sites.common."); });
 }
 
+/// Nothing varies from frame to frame with the shutter closed.
+bool dark_frames_are_alike(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double quiet = 4;
+  return largest(battery, z, [](const auto& one) { return one.darks && has(one, ".frames."); }) < quiet;
+}
+
 /// Frames whose level away from the sites varies, while that of dark frames does not, and with it their noise
 /// or from every frame to the next: it is light that varies, with its shot noise if there is enough of it. A
 /// few frames that stand out may be missing among the dark ones by chance. A drift of the level is as clear
@@ -149,8 +155,7 @@ bool light_flashes(const std::vector<StatisticDeclaration>& battery, const Eigen
                           (std::fabs(drift) > 0.5 * level && noise_drift * drift > quiet * std::fabs(drift)),
              every_frame = of("light.frames.level.steps") > std::max(clear, 0.5 * level) &&
                            of("light.frames.level.largest") < quiet;
-  return stands_out(level, z, clear, 0.4) && (with_noise || every_frame) &&
-         largest(battery, z, [&](const auto& one) { return one.darks && has(one, ".frames."); }) < quiet;
+  return stands_out(level, z, clear, 0.4) && (with_noise || every_frame) && dark_frames_are_alike(battery, z);
 }
 
 /// The sites' light changes with the light beside them, no more clearly than that: not the lamp behind the
@@ -165,7 +170,7 @@ bool all_light_flashes(const std::vector<StatisticDeclaration>& battery, const E
 /// So little of it beside the sites that it has no noise to tell: their light and the level drift the same
 /// way, or vary, and the level as clearly.
 bool all_light_goes_along(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 5, beside = 0.4, no_less = 0.7, quiet = 4;
+  constexpr double clear = 5, beside = 0.4, no_less = 0.7;
   const auto along = [&](std::string_view how) {
     const auto of = [&](std::string_view what) {
       return deviation_of(std::string(what).append(how), battery, z);
@@ -174,8 +179,7 @@ bool all_light_goes_along(const std::vector<StatisticDeclaration>& battery, cons
     return sites * level > 0 && std::fabs(level) > std::max(clear, no_less * std::fabs(sites)) &&
            stands_out(std::fabs(sites), z, clear, beside);
   };
-  return (along("trend") || along("variance")) &&
-         largest(battery, z, [](const auto& one) { return one.darks && has(one, ".frames."); }) < quiet;
+  return (along("trend") || along("variance")) && dark_frames_are_alike(battery, z);
 }
 
 /// The sites' light varies from frame to frame and the noise of what little light there is beside them, but

@@ -57,6 +57,13 @@ class Case {
   std::unique_ptr<FrameSequence> frames_, darks_;
 };
 
+/// What was found of the effect when it was judged by itself; null: it was not.
+const Hypothesis* judged_alone(const Diagnosis& found, const std::string& effect) {
+  for (const Hypothesis& one : found.hypotheses)
+    if (one.effects == std::vector{effect} && one.p_value >= 0) return &one;
+  return nullptr;
+}
+
 TEST(Diagnose, APlainStackHasNoGapAndAKeptResultSaysTheSame) {
   Case plain("");
   const Diagnosis first = plain.diagnose({"row_noise"});
@@ -143,11 +150,8 @@ TEST(Diagnose, AWeakEffectIsNamedBesideAStrongOneThatLeavesNothingOdd) {
   EXPECT_EQ(found.effects[0].name, "row_noise");
   EXPECT_EQ(found.effects[1].name, "scatter_halo");
   // The strong one explains the frames alone.
-  const auto alone =
-      std::find_if(found.hypotheses.begin(), found.hypotheses.end(), [](const Hypothesis& one) {
-        return one.effects == std::vector<std::string>{"row_noise"} && one.p_value >= 0;
-      });
-  ASSERT_NE(alone, found.hypotheses.end());
+  const Hypothesis* alone = judged_alone(found, "row_noise");
+  ASSERT_NE(alone, nullptr);
   EXPECT_GE(alone->p_value, reject_level);
 }
 
@@ -160,11 +164,8 @@ TEST(Diagnose, AnEffectIsFoundByTheOneStatisticThatAStrongOneLeaves) {
   ASSERT_EQ(found.effects.size(), 2) << found.sentence;
   EXPECT_EQ(found.effects[0].name, "row_noise");
   EXPECT_EQ(found.effects[1].name, "atom_hopping");
-  const auto alone =
-      std::find_if(found.hypotheses.begin(), found.hypotheses.end(), [](const Hypothesis& one) {
-        return one.effects == std::vector<std::string>{"row_noise"} && one.p_value >= 0;
-      });
-  ASSERT_NE(alone, found.hypotheses.end());
+  const Hypothesis* alone = judged_alone(found, "row_noise");
+  ASSERT_NE(alone, nullptr);
   EXPECT_NE(alone->why_not.find("light.sites.pairs.exchange"), std::string::npos) << alone->why_not;
 }
 

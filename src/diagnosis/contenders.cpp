@@ -355,7 +355,7 @@ class Looks {
 
   /// Near by all that the fit goes by, and perhaps still on the way: where optics make up for a part of it.
   void follow_optics(const std::string& name) {
-    if (!standing_.may_be_named(best().model, best().closed)) return;
+    if (!standing_.may_be_named(best().model, best().closed) || left_behind()) return;
     std::swap(best(), looks_.back());
     for (int step = 0, steps = optics_steps;; ++step) {
       Model& last = looks_.back().model;
@@ -373,11 +373,20 @@ class Looks {
         steps = step + 1;
       learn_from(next.model, last);
       looks_.push_back(std::move(next));
+      if (left_behind()) break;
     }
     if (&best() != &looks_.back()) take_estimate(best().model, looks_.back().model);
   }
 
  private:
+  /// Far less likely than one that explains the frames, and the last look came no nearer to it.
+  bool left_behind() {
+    if (looks_.size() < 2) return false;
+    const double before = looks_[looks_.size() - 2].model.log_likelihood;
+    return looks_.back().model.log_likelihood < before + other_stacks &&
+           best().model.log_likelihood < standing_.explaining - beyond_doubt;
+  }
+
   /// Of a part: what may be named goes on until its strengths stay where they are.
   static bool closes_no_more(const Judged& look, const Judged& before) {
     constexpr double stays = 2;  // errors

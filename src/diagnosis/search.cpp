@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "diagnosis/gap_closed.hpp"
@@ -68,6 +69,21 @@ bool share_observables(const EffectDeclaration& one, const EffectDeclaration& ot
 /// Of the gap, in its own standard deviations, than a model of fewer effects.
 bool leaves_much_less(const Model& model, const Model& fewer) {
   return model.gap - model.floor < 0.3 * (fewer.gap - fewer.floor);
+}
+
+/// Whether one of them has the same effects, about the same place.
+bool judged_about(const Model& model, std::span<const Model> models) {
+  return std::any_of(models.begin(), models.end(), [&](const Model& one) {
+    if (one.effects != model.effects) return false;
+    for (auto k = static_cast<std::size_t>(model.first_effect_parameter); k < model.open.size(); ++k) {
+      const Uncertain &here = model.open[k], &there = one.open[k];
+      const double apart = here.centre - there.centre;
+      if (std::fabs(here.cycle > 0 ? std::remainder(apart, here.cycle) : apart) >
+          std::max(here.width, there.width))
+        return false;
+    }
+    return true;
+  });
 }
 
 double nearest_of(std::span<const Model> models) {
@@ -372,7 +388,7 @@ Search::Pairs Search::pairs(std::span<Model> singles) {
     }
     if (!naming_.passes(model)) continue;
     // It may be the place that the pair's fit found for one of the two that explains.
-    if (needed.size() == 1)
+    if (needed.size() == 1 && !judged_about(only(model, needed), singles))
       pairs.needed_alone.push_back({needed.front() + ", of " + title(model), only(model, needed),
                                     scan_of(needed.front()).best().log_likelihood});
     if (better || naming_.contradicted(left_alone)) pairs.undecided.push_back(std::move(model));

@@ -6,85 +6,14 @@
 #include <cmath>
 
 #include "analysis/distortion.hpp"
-#include "analysis/lanes.hpp"
 #include "analysis/series.hpp"
+#include "analysis/stamp_templates.hpp"
 
 namespace atomcam::analysis {
 namespace {
 
 /// Brightness from which a site counts as occupied, up to which as empty; classes of occupied sites.
 constexpr double occupied_from = 0.65, empty_to = 0.25, dim_to = 0.92, bright_from = 1.08;
-
-struct StampSums {
-  float x = 0, y = 0, width = 0, atom_width = 0, core = 0, wing = 0, cube = 0;
-};
-
-/// response += change * residual; sums of the residual over the stamp.
-ATOMCAM_VECTOR_CLONES
-StampSums add_stamp(std::size_t rows, std::size_t width, const float* light, const float* mean,
-                    std::ptrdiff_t stride, float change, const float* slope_x, const float* slope_y,
-                    const float* widening, const float* atom_widening, const float* core, const float* wing,
-                    float* response) {
-  Lanes x = lanes(0), y = x, wider = x, atom_wider = x, c2 = x, w2 = x, c3 = x;
-  const Lanes change_lanes = lanes(change);
-  std::size_t i = 0;
-  for (std::size_t r = 0; r < rows; ++r, light += stride, mean += stride)
-    for (std::size_t c = 0; c < width; c += lane_count, i += lane_count) {
-      const Lanes d = load(light + c) - load(mean + c), d2 = d * d, in_core = load(core + i);
-      store(response + i, load(response + i) + change_lanes * d);
-      x += d * load(slope_x + i);
-      y += d * load(slope_y + i);
-      wider += d * load(widening + i);
-      atom_wider += d * load(atom_widening + i);
-      c2 += d2 * in_core;
-      c3 += d2 * d * in_core;
-      w2 += d2 * load(wing + i);
-    }
-  return {static_cast<float>(total(x)),     static_cast<float>(total(y)),
-          static_cast<float>(total(wider)), static_cast<float>(total(atom_wider)),
-          static_cast<float>(total(c2)),    static_cast<float>(total(w2)),
-          static_cast<float>(total(c3))};
-}
-
-/// The site's share in a pixel of its stamp; none beyond.
-double share_at(const PackedSite& packed, int r, int c) {
-  return r < 0 || c < 0 || r >= packed.rows || c >= packed.columns
-             ? 0.0
-             : static_cast<double>(
-                   packed.share[packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c)]);
-}
-double laplacian_at(const PackedSite& packed, int r, int c) {
-  return share_at(packed, r, c + 1) + share_at(packed, r, c - 1) + share_at(packed, r + 1, c) +
-         share_at(packed, r - 1, c) - 4 * share_at(packed, r, c);
-}
-
-/// What a site's pixels gain when its image gets wider by itself: the Laplacian of the share, less what of
-/// it, with pixels so weighted, looks like any of `others`.
-Floats widening_of(const PackedSite& packed, const Floats& weight, std::vector<Floats> others) {
-  Floats widening(packed.share.size(), 0.0f);
-  for (int r = 0; r < packed.rows; ++r)
-    for (int c = 0; c < packed.columns; ++c)
-      widening[packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c)] =
-          static_cast<float>(laplacian_at(packed, r, c));
-  const auto product = [&](const Floats& a, const Floats& b) {
-    double sum = 0;
-    for (std::size_t i = 0; i < a.size(); ++i) sum += static_cast<double>(weight[i] * a[i] * b[i]);
-    return sum;
-  };
-  const auto take_away = [&](const Floats& of, Floats& from) {
-    const double part = product(of, from) / product(of, of);
-    for (std::size_t i = 0; i < of.size(); ++i) from[i] -= static_cast<float>(part) * of[i];
-  };
-  constexpr double rounding = 1e-6;
-  std::vector<Floats> apart;
-  for (Floats& other : others) {
-    const double whole = product(other, other);
-    for (const Floats& before : apart) take_away(before, other);
-    if (product(other, other) > rounding * whole) apart.push_back(std::move(other));
-  }
-  for (const Floats& other : apart) take_away(other, widening);
-  return widening;
-}
 
 /// How the pixels of each column, or row, answer to the light of the sites, beside the model.
 class LineResponse {
@@ -140,7 +69,7 @@ double loneliest(const std::vector<double>& deviation, const PackedSite& packed)
 }
 
 /// Templates of a change of the image: its derivatives.
-enum Shape2 { dx, dy, dxx, dyy, dxy, coma_x, coma_y, ring, template_count };
+enum Derivative { dx, dy, dxx, dyy, dxy, coma_x, coma_y, ring, template_count };
 constexpr std::string_view template_names[] = {"x",        "y",      "width_x", "width_y",
                                                "diagonal", "coma_x", "coma_y",  "second_ring"};
 constexpr int rings = 8, tails = 4;
@@ -213,41 +142,7 @@ class PointSpread : public Family {
       size += packed.share.size();
       field_x_.push_back((layout.sites[s].x_px - x_sum) / extent);
       field_y_.push_back((layout.sites[s].y_px - y_sum) / extent);
-      // Weights of photon noise and read noise together.
-      Weights w;
-      Floats weight(packed.share.size(), 0.0f), level = weight;
-      for (Floats* values : {&w.x, &w.y, &w.core, &w.wing}) *values = weight;
-      for (int r = 0; r < packed.rows; ++r)
-        for (int c = 0; c < packed.columns; ++c) {
-          const std::size_t i = packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
-          const float scale =
-                          layout.inverse_scale
-                              .all()[packed.offset + static_cast<std::size_t>(r * layout.shape.stride + c)],
-                      scale2 = scale * scale;
-          w.x[i] = packed.slope_x[i] * scale2;
-          w.y[i] = packed.slope_y[i] * scale2;
-          w.core[i] = packed.core[i] * scale2;
-          w.wing[i] = packed.wing[i] * scale2;
-          w.core_pixels += static_cast<double>(packed.core[i]);
-          w.wing_pixels += static_cast<double>(packed.wing[i]);
-          w.norm_x += static_cast<double>(w.x[i]) * static_cast<double>(packed.slope_x[i]);
-          w.norm_y += static_cast<double>(w.y[i]) * static_cast<double>(packed.slope_y[i]);
-          weight[i] = scale2;
-          level[i] = 1;
-        }
-      Floats light_in_error = packed.share;
-      for (std::size_t i = 0; i < weight.size(); ++i) light_in_error[i] *= packed.weight[i];
-      w.width = widening_of(packed, weight, {level, packed.share});
-      // Atoms that seem fainter by chance are no wider: nor does it go with the error that read noise or
-      // photon noise make in the brightness.
-      w.atom_width = widening_of(packed, weight, {level, packed.share, packed.weight, light_in_error});
-      for (std::size_t i = 0; i < weight.size(); ++i) {
-        w.norm_width += static_cast<double>(weight[i] * w.width[i] * w.width[i]);
-        w.norm_atom_width += static_cast<double>(weight[i] * w.atom_width[i] * w.atom_width[i]);
-        w.width[i] *= weight[i];
-        w.atom_width[i] *= weight[i];
-      }
-      weights_.push_back(std::move(w));
+      templates_.emplace_back(layout, packed);
     }
     const std::size_t sites = layout.packed.size();
     Sums zero;
@@ -261,21 +156,19 @@ class PointSpread : public Family {
     double x = 0, x_norm = 0, y = 0, y_norm = 0, width = 0, width_norm = 0;
     for (std::size_t s = 0; s < layout_.packed.size(); ++s) {
       const PackedSite& packed = layout_.packed[s];
-      const Weights& w = weights_[s];
+      const StampTemplates& templates = templates_[s];
       const double b = static_cast<double>(look.brightness[s]);
       const float change = look.brightness[s] - look.mean_brightness[s];
       const StampSums stamp =
-          add_stamp(static_cast<std::size_t>(packed.rows), packed.width, look.light.all() + packed.offset,
-                    look.mean.all() + packed.offset, layout_.shape.stride, change, w.x.data(), w.y.data(),
-                    w.width.data(), w.atom_width.data(), w.core.data(), w.wing.data(),
-                    sums.response.data() + begin_[s]);
+          add_stamp(packed, templates, look.light.all() + packed.offset, look.mean.all() + packed.offset,
+                    layout_.shape.stride, change, sums.response.data() + begin_[s]);
       sums.change2[s] += static_cast<double>(change) * static_cast<double>(change);
       const int k = b < empty_to        ? empty
                     : b < occupied_from ? class_count
                     : b < dim_to        ? dim
                     : b < bright_from   ? usual
                                         : bright;
-      sums.width.add(b, static_cast<double>(stamp.atom_width), w.norm_atom_width);
+      sums.width.add(b, static_cast<double>(stamp.atom_width), templates.norm_atom_width);
       if (k == class_count) continue;
       const auto index = static_cast<std::size_t>(k);
       sums.class_core[index] += static_cast<double>(stamp.core);
@@ -287,9 +180,9 @@ class PointSpread : public Family {
       sums.wing[s] += static_cast<double>(stamp.wing);
       ++sums.occupied[s];
       // A shift by d takes d * slope away.
-      x -= b * static_cast<double>(stamp.x), x_norm += b * b * w.norm_x;
-      y -= b * static_cast<double>(stamp.y), y_norm += b * b * w.norm_y;
-      width += b * static_cast<double>(stamp.width), width_norm += b * b * w.norm_width;
+      x -= b * static_cast<double>(stamp.x), x_norm += b * b * templates.norm_x;
+      y -= b * static_cast<double>(stamp.y), y_norm += b * b * templates.norm_y;
+      width += b * static_cast<double>(stamp.width), width_norm += b * b * templates.norm_width;
     }
     x_.resize(look.frame + 1, not_a_number);
     y_.resize(look.frame + 1, not_a_number);
@@ -477,13 +370,9 @@ class PointSpread : public Family {
   }
 
  private:
-  struct Weights {
-    Floats x, y, width, atom_width, core, wing;
-    double norm_x = 0, norm_y = 0, norm_width = 0, norm_atom_width = 0, core_pixels = 0, wing_pixels = 0;
-  };
   const Layout& layout_;
   std::vector<std::size_t> begin_;
-  std::vector<Weights> weights_;
+  std::vector<StampTemplates> templates_;
   std::vector<double> field_x_, field_y_;
   std::vector<double> x_, y_, x_white_, width_, width_white_;  // of every frame
   Halves<Sums> sums_;

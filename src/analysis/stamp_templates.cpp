@@ -1,0 +1,123 @@
+#include "analysis/stamp_templates.hpp"
+
+#include <vector>
+
+#include "analysis/lanes.hpp"
+
+namespace atomcam::analysis {
+namespace {
+
+/// What a site's pixels gain when its image gets wider by itself: the Laplacian of the share, less what of
+/// it, with pixels so weighted, looks like any of `others`.
+Floats widening_of(const PackedSite& packed, const Floats& weight, std::vector<Floats> others) {
+  Floats widening(packed.share.size(), 0.0f);
+  for (int r = 0; r < packed.rows; ++r)
+    for (int c = 0; c < packed.columns; ++c)
+      widening[packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c)] =
+          static_cast<float>(laplacian_at(packed, r, c));
+  const auto product = [&](const Floats& a, const Floats& b) {
+    double sum = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) sum += static_cast<double>(weight[i] * a[i] * b[i]);
+    return sum;
+  };
+  const auto take_away = [&](const Floats& of, Floats& from) {
+    const double part = product(of, from) / product(of, of);
+    for (std::size_t i = 0; i < of.size(); ++i) from[i] -= static_cast<float>(part) * of[i];
+  };
+  constexpr double rounding = 1e-6;
+  std::vector<Floats> apart;
+  for (Floats& other : others) {
+    const double whole = product(other, other);
+    for (const Floats& before : apart) take_away(before, other);
+    if (product(other, other) > rounding * whole) apart.push_back(std::move(other));
+  }
+  for (const Floats& other : apart) take_away(other, widening);
+  return widening;
+}
+
+/// The templates as the loop takes them, where it has no need to ask again.
+struct Pointers {
+  const float *x, *y, *width, *atom_width, *core, *wing;
+};
+
+ATOMCAM_VECTOR_CLONES
+StampSums sum_up(std::size_t rows, std::size_t width, const float* light, const float* mean,
+                 std::ptrdiff_t stride, float change, const Pointers& templates, float* response) {
+  const Pointers t = templates;
+  Lanes x = lanes(0), y = x, wider = x, atom_wider = x, c2 = x, w2 = x, c3 = x;
+  const Lanes change_lanes = lanes(change);
+  std::size_t i = 0;
+  for (std::size_t r = 0; r < rows; ++r, light += stride, mean += stride)
+    for (std::size_t c = 0; c < width; c += lane_count, i += lane_count) {
+      const Lanes d = load(light + c) - load(mean + c), d2 = d * d, in_core = load(t.core + i);
+      store(response + i, load(response + i) + change_lanes * d);
+      x += d * load(t.x + i);
+      y += d * load(t.y + i);
+      wider += d * load(t.width + i);
+      atom_wider += d * load(t.atom_width + i);
+      c2 += d2 * in_core;
+      c3 += d2 * d * in_core;
+      w2 += d2 * load(t.wing + i);
+    }
+  return {static_cast<float>(total(x)),     static_cast<float>(total(y)),
+          static_cast<float>(total(wider)), static_cast<float>(total(atom_wider)),
+          static_cast<float>(total(c2)),    static_cast<float>(total(w2)),
+          static_cast<float>(total(c3))};
+}
+
+}  // namespace
+
+double share_at(const PackedSite& packed, int r, int c) {
+  return r < 0 || c < 0 || r >= packed.rows || c >= packed.columns
+             ? 0.0
+             : static_cast<double>(
+                   packed.share[packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c)]);
+}
+
+double laplacian_at(const PackedSite& packed, int r, int c) {
+  return share_at(packed, r, c + 1) + share_at(packed, r, c - 1) + share_at(packed, r + 1, c) +
+         share_at(packed, r - 1, c) - 4 * share_at(packed, r, c);
+}
+
+StampTemplates::StampTemplates(const Layout& layout, const PackedSite& packed) {
+  const Floats none(packed.share.size(), 0.0f);
+  Floats weight = none, level = none;
+  x = y = core = wing = none;
+  for (int r = 0; r < packed.rows; ++r)
+    for (int c = 0; c < packed.columns; ++c) {
+      const std::size_t i = packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
+      const float scale = layout.inverse_scale
+                              .all()[packed.offset + static_cast<std::size_t>(r * layout.shape.stride + c)],
+                  scale2 = scale * scale;
+      x[i] = packed.slope_x[i] * scale2;
+      y[i] = packed.slope_y[i] * scale2;
+      core[i] = packed.core[i] * scale2;
+      wing[i] = packed.wing[i] * scale2;
+      norm_x += static_cast<double>(x[i]) * static_cast<double>(packed.slope_x[i]);
+      norm_y += static_cast<double>(y[i]) * static_cast<double>(packed.slope_y[i]);
+      weight[i] = scale2;
+      level[i] = 1;
+    }
+  Floats light_in_error = packed.share;
+  for (std::size_t i = 0; i < weight.size(); ++i) light_in_error[i] *= packed.weight[i];
+  width = widening_of(packed, weight, {level, packed.share});
+  // Atoms that seem fainter by chance are no wider: nor does it go with the error that read noise or photon
+  // noise make in the brightness.
+  atom_width = widening_of(packed, weight, {level, packed.share, packed.weight, light_in_error});
+  for (std::size_t i = 0; i < weight.size(); ++i) {
+    norm_width += static_cast<double>(weight[i] * width[i] * width[i]);
+    norm_atom_width += static_cast<double>(weight[i] * atom_width[i] * atom_width[i]);
+    width[i] *= weight[i];
+    atom_width[i] *= weight[i];
+  }
+}
+
+StampSums add_stamp(const PackedSite& packed, const StampTemplates& templates, const float* light,
+                    const float* mean, std::ptrdiff_t stride, float change, float* response) {
+  const StampTemplates& t = templates;
+  return sum_up(static_cast<std::size_t>(packed.rows), packed.width, light, mean, stride, change,
+                {t.x.data(), t.y.data(), t.width.data(), t.atom_width.data(), t.core.data(), t.wing.data()},
+                response);
+}
+
+}  // namespace atomcam::analysis

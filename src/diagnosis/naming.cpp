@@ -298,7 +298,7 @@ std::string Naming::objection(const Model& model) const {
 }
 
 /// The frames are not odd under it, but its own stacks scatter so widely that little of the gap shows in
-/// their units. It does not stand alone; a name that passes must be likelier.
+/// their units. It is not named; a name that passes must be likelier, or is one of several.
 bool Naming::competes(const Model& model) const {
   return model.p_value >= odd && may_be(model) &&
          closed_in_own_units(model, plain_, battery_) > least_to_pass;
@@ -327,13 +327,14 @@ std::optional<Named> Naming::choose(std::span<Model> models) const {
     if (passes(model)) passed.push_back(&model);
   if (std::all_of(passed.begin(), passed.end(), [&](const Model* one) { return !not_known(*one).empty(); }))
     return {};
+  std::vector<Model*> beside;
   for (Model& model : models)
-    if (!passes(model) && competes(model)) passed.push_back(&model);
-  return choose_among(std::move(passed));
+    if (!passes(model) && competes(model)) beside.push_back(&model);
+  return choose_among(std::move(passed), beside);
 }
 
-/// One of these.
-Named Naming::choose_among(std::vector<Model*> passed) const {
+/// One of those that passed; of those beside them it may not be told apart.
+Named Naming::choose_among(std::vector<Model*> passed, const std::vector<Model*>& beside) const {
   // What the frames are odd under gives way to what explains them and closes as much: likelihoods take a
   // law that scatters little for a better one, as statistics that go together count nearly as if apart.
   constexpr double odder = 20;
@@ -345,8 +346,11 @@ Named Naming::choose_among(std::vector<Model*> passed) const {
              return explains && closed_by(*model) >= closed_by(*near);
            });
   });
+  const auto named_from = std::ssize(passed);
+  passed.insert(passed.end(), beside.begin(), beside.end());
   const std::vector<double> odds = odds_among(passed);
-  const auto first = static_cast<std::size_t>(std::max_element(odds.begin(), odds.end()) - odds.begin());
+  const auto first =
+      static_cast<std::size_t>(std::max_element(odds.begin(), odds.begin() + named_from) - odds.begin());
   double total = 0;
   for (const double one : odds) total += std::exp(one - odds[first]);
   Named named{passed[first], Verdict::explained, 1 / total, {}};
@@ -389,7 +393,7 @@ std::optional<Named> Naming::nearest(std::span<Model> models) const {
   std::vector<Model*> hardly_odd;
   for (Model& model : models)
     if (model.p_value >= hardly_ever && takes_nearly_all(model)) hardly_odd.push_back(&model);
-  return choose_among(std::move(hardly_odd));
+  return choose_among(std::move(hardly_odd), {});
 }
 
 }  // namespace atomcam

@@ -95,7 +95,7 @@ class Naming {
   bool may_be(const Model& model) const;
   bool competes(const Model& model) const;
   std::vector<double> odds_among(const std::vector<Model*>& models) const;
-  Named choose_among(std::vector<Model*> models) const;
+  Named choose_among(std::vector<Model*> passed, const std::vector<Model*>& beside) const;
   bool takes_nearly_all(const Model& model) const;
   /// The observable in which the plain model misses most, if the frames are odd under the model in it, too.
   std::string odd_where_most_was(const Model& model) const;

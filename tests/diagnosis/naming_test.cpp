@@ -192,6 +192,22 @@ TEST_F(Naming, WhatComesOutDifferentlyInEveryStackClosesWhatLiesAmongThem) {
   EXPECT_FALSE(naming().passes(elsewhere));
 }
 
+// It may be likelier than what passes: then there are two names, or what does not pass would be taken back as
+// it closes too little, and the other be forgotten.
+TEST_F(Naming, WhatDoesNotPassIsNotNamedBeforeWhatDoes) {
+  std::vector<Model> models;
+  models.push_back(model({"bias_drift"}, 1, 0.5));
+  models.push_back(wide_model(0.5));
+  for (Model& one : models) one.correlation = std::make_unique<Correlation>(one.standard->own());
+  ASSERT_FALSE(naming().passes(models[1]));
+  const std::optional<Named> named = naming().choose(models);
+  ASSERT_TRUE(named);
+  EXPECT_EQ(named->model, &models[0]);
+  EXPECT_LT(named->probability, 0.5);
+  EXPECT_EQ(named->verdict, Verdict::ambiguous);
+  EXPECT_EQ(named->confusable_with, std::vector<std::string>{"row_noise"});
+}
+
 // A brightness that drifts scatters what the sites' histogram shows, and comes near to frames that blink.
 TEST_F(Naming, WhatWouldShowAndDoesNotIsNotThere) {
   const atomcam::Naming naming = naming_by_observable();

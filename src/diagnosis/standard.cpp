@@ -144,7 +144,7 @@ Eigen::VectorXd Standard::deltas(const Fit& fit, const Eigen::VectorXd& z,
 }
 
 Standard::Standard(const Population& population, Part part, std::vector<Eigen::Index> known,
-                   Eigen::VectorXd discrepancy, double reach)
+                   Eigen::VectorXd discrepancy, double reach, const Eigen::VectorXd& if_still)
     : known_(std::move(known)),
       outliers_(population.outliers),
       discrepancy_(std::move(discrepancy)),
@@ -222,6 +222,8 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
     }
     const double unit = std::max(body, largest / 4);
     deviation_(i) = unit * fit_.spread(i);
+    if (if_still.size() && (statistics.col(i).array() == statistics(0, i)).all())
+      deviation_(i) = std::max(deviation_(i), if_still(i));
     own_.col(i) /= unit;
     own_(at_largest, i) *= unit / std::max(body, second / 4);
     // Of a statistic that some stacks throw far out for no reason, nothing is to be concluded beyond that.

@@ -35,36 +35,6 @@ Floats widening_of(const PackedSite& packed, const Floats& weight, std::vector<F
   return widening;
 }
 
-/// The templates as the loop takes them, where it has no need to ask again.
-struct Pointers {
-  const float *x, *y, *width, *atom_width, *core, *wing;
-};
-
-ATOMCAM_VECTOR_CLONES
-StampSums sum_up(std::size_t rows, std::size_t width, const float* light, const float* mean,
-                 std::ptrdiff_t stride, float change, const Pointers& templates, float* response) {
-  const Pointers t = templates;
-  Lanes x = lanes(0), y = x, wider = x, atom_wider = x, c2 = x, w2 = x, c3 = x;
-  const Lanes change_lanes = lanes(change);
-  std::size_t i = 0;
-  for (std::size_t r = 0; r < rows; ++r, light += stride, mean += stride)
-    for (std::size_t c = 0; c < width; c += lane_count, i += lane_count) {
-      const Lanes d = load(light + c) - load(mean + c), d2 = d * d, in_core = load(t.core + i);
-      store(response + i, load(response + i) + change_lanes * d);
-      x += d * load(t.x + i);
-      y += d * load(t.y + i);
-      wider += d * load(t.width + i);
-      atom_wider += d * load(t.atom_width + i);
-      c2 += d2 * in_core;
-      c3 += d2 * d * in_core;
-      w2 += d2 * load(t.wing + i);
-    }
-  return {static_cast<float>(total(x)),     static_cast<float>(total(y)),
-          static_cast<float>(total(wider)), static_cast<float>(total(atom_wider)),
-          static_cast<float>(total(c2)),    static_cast<float>(total(w2)),
-          static_cast<float>(total(c3))};
-}
-
 }  // namespace
 
 double share_at(const PackedSite& packed, int r, int c) {
@@ -112,12 +82,32 @@ StampTemplates::StampTemplates(const Layout& layout, const PackedSite& packed) {
   }
 }
 
+ATOMCAM_VECTOR_CLONES
 StampSums add_stamp(const PackedSite& packed, const StampTemplates& templates, const float* light,
                     const float* mean, std::ptrdiff_t stride, float change, float* response) {
-  const StampTemplates& t = templates;
-  return sum_up(static_cast<std::size_t>(packed.rows), packed.width, light, mean, stride, change,
-                {t.x.data(), t.y.data(), t.width.data(), t.atom_width.data(), t.core.data(), t.wing.data()},
-                response);
+  const float *slope_x = templates.x.data(), *slope_y = templates.y.data(),
+              *widening = templates.width.data(), *atom_widening = templates.atom_width.data(),
+              *core = templates.core.data(), *wing = templates.wing.data();
+  const std::size_t rows = static_cast<std::size_t>(packed.rows), width = packed.width;
+  Lanes x = lanes(0), y = x, wider = x, atom_wider = x, c2 = x, w2 = x, c3 = x;
+  const Lanes change_lanes = lanes(change);
+  std::size_t i = 0;
+  for (std::size_t r = 0; r < rows; ++r, light += stride, mean += stride)
+    for (std::size_t c = 0; c < width; c += lane_count, i += lane_count) {
+      const Lanes d = load(light + c) - load(mean + c), d2 = d * d, in_core = load(core + i);
+      store(response + i, load(response + i) + change_lanes * d);
+      x += d * load(slope_x + i);
+      y += d * load(slope_y + i);
+      wider += d * load(widening + i);
+      atom_wider += d * load(atom_widening + i);
+      c2 += d2 * in_core;
+      c3 += d2 * d * in_core;
+      w2 += d2 * load(wing + i);
+    }
+  return {static_cast<float>(total(x)),     static_cast<float>(total(y)),
+          static_cast<float>(total(wider)), static_cast<float>(total(atom_wider)),
+          static_cast<float>(total(c2)),    static_cast<float>(total(w2)),
+          static_cast<float>(total(c3))};
 }
 
 }  // namespace atomcam::analysis

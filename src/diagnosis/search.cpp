@@ -388,9 +388,10 @@ Search::Pairs Search::pairs(std::span<Model> singles) {
     }
     if (!naming_.passes(model)) continue;
     // It may be the place that the pair's fit found for one of the two that explains.
-    if (needed.size() == 1 && !judged_about(only(model, needed), singles))
-      pairs.needed_alone.push_back({needed.front() + ", of " + title(model), only(model, needed),
-                                    scan_of(needed.front()).best().log_likelihood});
+    if (needed.size() == 1)
+      if (Model alone = only(model, needed); !judged_about(alone, singles))
+        pairs.needed_alone.push_back({needed.front() + ", of " + title(model), std::move(alone),
+                                      scan_of(needed.front()).best().log_likelihood});
     if (better || naming_.contradicted(left_alone)) pairs.undecided.push_back(std::move(model));
   }
   return pairs;

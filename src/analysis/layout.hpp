@@ -47,6 +47,9 @@ struct Layout {
   /// 1 / scale on which a pixel is clipped (that of a dark pixel and, under the sites, shot noise), per
   /// count; zero in the margin.
   Plane inverse_scale;
+  float inverse_scale_at(const PackedSite& site, int row, int column) const {
+    return inverse_scale.all()[site.offset + static_cast<std::size_t>(row * shape.stride + column)];
+  }
   /// Dark pixel's scale / that scale: near 1 on dark pixels, small under the sites; zero in the margin.
   Plane quiet;
   double quiet_sum = 0, quiet_square_sum = 0;

@@ -7,6 +7,7 @@
 
 #include "analysis/distortion.hpp"
 #include "analysis/series.hpp"
+#include "analysis/shape_templates.hpp"
 #include "analysis/stamp_templates.hpp"
 
 namespace atomcam::analysis {
@@ -68,10 +69,6 @@ double loneliest(const std::vector<double>& deviation, const PackedSite& packed)
   return farthest;
 }
 
-/// Templates of a change of the image: its derivatives.
-enum Derivative { dx, dy, dxx, dyy, dxy, coma_x, coma_y, ring, template_count };
-constexpr std::string_view template_names[] = {"x",        "y",      "width_x", "width_y",
-                                               "diagonal", "coma_x", "coma_y",  "second_ring"};
 constexpr int rings = 8, tails = 4;
 enum Class { empty, dim, usual, bright, class_count };
 
@@ -143,6 +140,7 @@ class PointSpread : public Family {
       field_x_.push_back((layout.sites[s].x_px - x_sum) / extent);
       field_y_.push_back((layout.sites[s].y_px - y_sum) / extent);
       templates_.emplace_back(layout, packed);
+      shapes_.emplace_back(layout, packed);
     }
     const std::size_t sites = layout.packed.size();
     Sums zero;
@@ -207,7 +205,7 @@ class PointSpread : public Family {
     const auto ok = [&](double value) { return enough ? value : not_a_number; };
 
     // Every site's image against its share.
-    std::vector<std::array<double, template_count>> shape(sites);
+    std::vector<OfImageChange<double>> changes(sites);
     std::array<double, rings> ring_sum{}, ring_norm{};
     std::array<double, tails> tail_x{}, tail_y{};
     std::vector<double> lonely(sites);
@@ -219,39 +217,22 @@ class PointSpread : public Family {
       const float* response = sums.response.data() + begin_[s];
       const double change2 = sums.change2[s] + 1e-12;
       all_change += change2;
-      const auto share = [&](int r, int c) { return share_at(packed, r, c); };
-      const auto laplacian = [&](int r, int c) { return laplacian_at(packed, r, c); };
-      std::array<double, template_count> product{}, norm{};
       deviation.assign(packed.share.size(), 0.0);
       for (int r = 0; r < packed.rows; ++r)
         for (int c = 0; c < packed.columns; ++c) {
           const std::size_t i = packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
           const double e = static_cast<double>(response[i]);  // times change2: counts of a whole atom
-          const double scale = static_cast<double>(
-              layout_.inverse_scale
-                  .all()[packed.offset + static_cast<std::size_t>(r * layout_.shape.stride + c)]);
+          const double scale = static_cast<double>(layout_.inverse_scale_at(packed, r, c));
           const double w = scale * scale, x = layout_.sites[s].left + c - layout_.sites[s].x_px,
                        y = layout_.sites[s].top + r - layout_.sites[s].y_px;
           const double distance = std::sqrt(x * x + y * y);
-          const double t[template_count] = {
-              (share(r, c + 1) - share(r, c - 1)) / 2,
-              (share(r + 1, c) - share(r - 1, c)) / 2,
-              share(r, c + 1) - 2 * share(r, c) + share(r, c - 1),
-              share(r + 1, c) - 2 * share(r, c) + share(r - 1, c),
-              (share(r + 1, c + 1) + share(r - 1, c - 1) - share(r + 1, c - 1) - share(r - 1, c + 1)) / 4,
-              (laplacian(r, c + 1) - laplacian(r, c - 1)) / 2,
-              (laplacian(r + 1, c) - laplacian(r - 1, c)) / 2,
-              laplacian(r, c + 1) + laplacian(r, c - 1) + laplacian(r + 1, c) + laplacian(r - 1, c) -
-                  4 * laplacian(r, c)};
-          for (std::size_t k = 0; k < template_count; ++k)
-            product[k] += e * t[k] * w, norm[k] += t[k] * t[k] * w;
           if (const int k = static_cast<int>(distance); k < rings) {
             ring_sum[static_cast<std::size_t>(k)] += e;
             ring_norm[static_cast<std::size_t>(k)] += change2;
           }
-          const double expected = share(r, c) * w;
-          columns.add(layout_.sites[s].left + c, e * expected, share(r, c) * expected * change2);
-          rows.add(layout_.sites[s].top + r, e * expected, share(r, c) * expected * change2);
+          const double share = static_cast<double>(packed.share[i]), expected = share * w;
+          columns.add(layout_.sites[s].left + c, e * expected, share * expected * change2);
+          rows.add(layout_.sites[s].top + r, e * expected, share * expected * change2);
           const double z2 = e * e * w / change2;
           deviation[i] = e * std::sqrt(w / change2);
           if (packed.core[i] > 0)
@@ -265,36 +246,44 @@ class PointSpread : public Family {
               tail_y[static_cast<std::size_t>(d - 2)] += y > 0 ? e : -e;
           }
         }
-      for (std::size_t k = 0; k < template_count; ++k) shape[s][k] = product[k] / norm[k] / change2;
+      for (std::size_t k = 0; k < image_change_names.size(); ++k) {
+        const Floats& weighed = shapes_[s].weighed[k];
+        double product = 0;
+        for (std::size_t i = 0; i < weighed.size(); ++i)
+          product += static_cast<double>(response[i]) * static_cast<double>(weighed[i]);
+        changes[s][k] = product / shapes_[s].norm[k] / change2;
+      }
       lonely[s] = loneliest(deviation, packed);
     }
     sheet.family("point_spread");
-    for (std::size_t k = 0; k < template_count; ++k) {
+    for (std::size_t k = 0; k < image_change_names.size(); ++k) {
       double mean = 0, spread = 0;
-      for (std::size_t s = 0; s < sites; ++s) mean += shape[s][k] * sums.change2[s] / all_change;
-      sheet.kind({k >= dxx && k <= dxy ? "point_spread_width" : "point_spread_field", "shape", "all sites"});
-      sheet.put(template_names[k], "mean", ok(mean));
-      if (k > dxy) continue;
+      for (std::size_t s = 0; s < sites; ++s) mean += changes[s][k] * sums.change2[s] / all_change;
+      sheet.kind({k >= width_x && k <= diagonal ? "point_spread_width" : "point_spread_field", "shape",
+                  "all sites"});
+      sheet.put(image_change_names[k], "mean", ok(mean));
+      if (k > diagonal) continue;
       double fx = 0, nx = 0, fy = 0, ny = 0, f2 = 0, n2 = 0, radius2 = 0;
       for (std::size_t s = 0; s < sites; ++s)
         radius2 += (field_x_[s] * field_x_[s] + field_y_[s] * field_y_[s]) * sums.change2[s] / all_change;
       for (std::size_t s = 0; s < sites; ++s) {
-        const double d = shape[s][k] - mean, w = sums.change2[s],
+        const double d = changes[s][k] - mean, w = sums.change2[s],
                      q = field_x_[s] * field_x_[s] + field_y_[s] * field_y_[s] - radius2;
-        spread += d * d * w;
+        spread += d * d * w * shapes_[s].norm[k];
         fx += d * w * field_x_[s], nx += w * field_x_[s] * field_x_[s];
         fy += d * w * field_y_[s], ny += w * field_y_[s] * field_y_[s];
         f2 += d * w * q, n2 += w * q * q;
       }
       sheet.kind({"point_spread_field", "shape", "all sites"});
-      sheet.put(template_names[k], "spread", ok(std::log(spread / static_cast<double>(sites))));
-      sheet.put(template_names[k], "along_x", ok(fx / nx));
-      sheet.put(template_names[k], "along_y", ok(fy / ny));
-      sheet.put(template_names[k], "radial", ok(f2 / n2));
-      if (k > dy) continue;
+      sheet.put_chi_square(image_change_names[k], "spread", ok(spread), static_cast<double>(sites) - 1);
+      sheet.put(image_change_names[k], "along_x", ok(fx / nx));
+      sheet.put(image_change_names[k], "along_y", ok(fy / ny));
+      sheet.put(image_change_names[k], "radial", ok(f2 / n2));
+      if (k > shift_y) continue;
       std::vector<double> shifts;
-      for (std::size_t s = 0; s < sites; ++s) shifts.push_back(shape[s][k]);
-      sheet.put(template_names[k], "smooth", ok(log_distortion(field_x_, field_y_, sums.change2, shifts)));
+      for (std::size_t s = 0; s < sites; ++s) shifts.push_back(changes[s][k]);
+      sheet.put(image_change_names[k], "smooth",
+                ok(log_distortion(field_x_, field_y_, sums.change2, shifts)));
     }
     sheet.kind({"point_spread_halo", "shape", "around sites"});
     constexpr std::string_view ring_names[] = {"0", "1", "2", "3", "4", "5", "6", "7"};
@@ -373,6 +362,7 @@ class PointSpread : public Family {
   const Layout& layout_;
   std::vector<std::size_t> begin_;
   std::vector<StampTemplates> templates_;
+  std::vector<ShapeTemplates> shapes_;
   std::vector<double> field_x_, field_y_;
   std::vector<double> x_, y_, x_white_, width_, width_white_;  // of every frame
   Halves<Sums> sums_;

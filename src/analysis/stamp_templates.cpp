@@ -56,9 +56,7 @@ StampTemplates::StampTemplates(const Layout& layout, const PackedSite& packed) {
   for (int r = 0; r < packed.rows; ++r)
     for (int c = 0; c < packed.columns; ++c) {
       const std::size_t i = packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c);
-      const float scale = layout.inverse_scale
-                              .all()[packed.offset + static_cast<std::size_t>(r * layout.shape.stride + c)],
-                  scale2 = scale * scale;
+      const float scale = layout.inverse_scale_at(packed, r, c), scale2 = scale * scale;
       x[i] = packed.slope_x[i] * scale2;
       y[i] = packed.slope_y[i] * scale2;
       core[i] = packed.core[i] * scale2;

@@ -256,6 +256,7 @@ FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optic
                            int threads) {
   constexpr int directions = 8, first_steps = 4, more_steps = 30;
   constexpr std::size_t followed = 2;
+  constexpr double strongest = 0.2;  // waves, at the edge: hardly a spot is left there
   const PupilImage pupil(optics, stamp_radius_px(common.lattice), PupilImage::rough);
   const SiteImages model(mean, common.lattice, optics.wavelength_um, pupil, pupil, true);
   const auto evaluate = [&](const Eigen::VectorXd& p, bool derivatives) {
@@ -275,16 +276,24 @@ FieldFocus fit_field_focus(const MeanImage& mean, const OpticsDescription& optic
         return one;
       },
       rough_tolerance, more_steps);
-  // Common optics see the mean square of the field's defocus: a tilt to the edge is root three times that.
-  const double defocus = std::max(std::fabs(common.zernike_um[3]), 0.02 * optics.wavelength_um);
+  // Common optics see the mean square of the field's defocus: a tilt to the edge is root three times that. Of
+  // a strong one they make aberrations of all kinds, so that there are starts without any, too.
+  const auto& known = common.zernike_um;
+  const double defocus = std::max(std::fabs(known[3]), 0.02 * optics.wavelength_um),
+               rms = std::sqrt(std::inner_product(known.begin(), known.end(), known.begin(), 0.0));
   std::vector<Eigen::VectorXd> starts;
+  const auto start_from = [&](Eigen::VectorXd from, double defocus_um, double angle) {
+    const double tilt_um = std::min(std::numbers::sqrt3 * defocus_um, strongest * optics.wavelength_um);
+    from(lattice_parameters) = 0.3 * defocus_um;
+    from(shape_parameters) = tilt_um * std::cos(angle);
+    from(shape_parameters + 1) = tilt_um * std::sin(angle);
+    model.solve_linear(from);
+    starts.push_back(std::move(from));
+  };
   for (int k = 0; k < directions; ++k) {
     const double angle = 2 * std::numbers::pi * k / directions;
-    Eigen::VectorXd from = without.values;
-    from(lattice_parameters) = 0.3 * defocus;
-    from(shape_parameters) = std::numbers::sqrt3 * defocus * std::cos(angle);
-    from(shape_parameters + 1) = std::numbers::sqrt3 * defocus * std::sin(angle);
-    starts.push_back(std::move(from));
+    start_from(without.values, defocus, angle);
+    if (rms > defocus) start_from(model.with(without.values, {}), rms, angle);
   }
   starts = best_ends(maximised_from(starts, evaluate, first_steps, threads), followed);
   const std::vector<MaximumLikelihood> ends = maximised_from(starts, evaluate, more_steps, threads);

@@ -299,5 +299,27 @@ TEST(OpticsFit, ATiltIsToldFromCommonTerms) {
   EXPECT_NEAR(sign * field.zernike_um[5], optics.zernike_um[5], 0.001);
 }
 
+// Of a strong one common terms make aberrations of all kinds, from which no step leads back.
+TEST(OpticsFit, AStrongTiltIsFoundThoughCommonTermsAreFarOff) {
+  OpticsDescription optics = emccd_optics();
+  optics.zernike_um[3] = 0.1;
+  const double tilt_x = -0.14, tilt_y = -0.07;
+  const auto optics_at = [&](double x, double y) {
+    OpticsDescription there = optics;
+    there.zernike_um[3] += tilt_x * (x - 29.5) / 30 + tilt_y * (y - 29.5) / 30;
+    return there;
+  };
+  const Lattice lattice{
+      .columns = 5, .rows = 5, .origin_x = 10.2, .origin_y = 9.7, .a_x = 9.9, .a_y = 0, .b_x = 0, .b_y = 9.9};
+  const MeanImage mean = mean_image_with(optics_at, lattice, {60, 60});
+  const OpticsFit common = fit_optics(mean, optics, lattice);
+  EXPECT_GT(std::fabs(common.zernike_um[7]), 0.02);
+  const FieldFocus field = fit_field_focus(mean, optics, common);
+  const double sign = field.x_um < 0 ? 1 : -1;
+  EXPECT_NEAR(sign * field.x_um, tilt_x, 0.001);
+  EXPECT_NEAR(sign * field.y_um, tilt_y, 0.001);
+  EXPECT_NEAR(sign * field.zernike_um[3], optics.zernike_um[3], 0.001);
+}
+
 }  // namespace
 }  // namespace atomcam

@@ -40,6 +40,11 @@ double behind(double nearest) {
   return std::max(like_own, 1.4 * nearest);
 }
 
+/// Likewise, of a model that has not been followed.
+double left_by(double nearest) {
+  return nearest < like_own ? behind(nearest) : too_far * nearest;
+}
+
 /// Whether a model is so many times as far away as another one of the same effects, as likelihood tells it.
 bool farther(double times, const Model& model, const Model& other) {
   return model.unlikeliness > other.unlikeliness + (times - 1) * other.distance;
@@ -97,8 +102,9 @@ class Race {
     for (std::size_t k = 0; k < contenders_.size(); ++k) {
       const double distance = contenders_[k].model.distance, unlikeliness = contenders_[k].model.unlikeliness;
       if (distance > limit) break;
-      // What is hopelessly behind is let go as soon as one of them has come near.
-      if (k > 0 && distance > behind(contenders_.front().model.distance)) {
+      // What is hopelessly behind is let go as soon as one of them has come near. Until then a start from
+      // far away, of a strong effect, may still overtake those that end not quite so far.
+      if (k > 0 && distance > left_by(contenders_.front().model.distance)) {
         contenders_.resize(k);
         break;
       }

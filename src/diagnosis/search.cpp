@@ -233,7 +233,7 @@ std::optional<Found> Search::whole() {
       singles.push_back(std::move(model));
     return naming_.choose(singles);
   };
-  if (const auto named = choose_with(overlooked(), 0.69, 0.71)) return with_what_it_hides(*named);
+  if (const auto named = choose_with(overlooked(singles), 0.69, 0.71)) return with_what_it_hides(*named);
   if (const auto named = choose_with(other_starts(singles), 0.71, 0.72)) return with_what_it_hides(*named);
   if (singles.empty()) return {};
   Pairs pairs = this->pairs(singles);
@@ -680,8 +680,8 @@ std::vector<Search::Promising> Search::promising_in(const std::string& observabl
 /// What was not fitted yet though the scan says that it would take much away. Of a large gap the few stacks
 /// of a scan hardly tell which effect makes it: calibration follows, and no place of the scan is near. Of a
 /// small one that a few statistics show it says little, as hundreds of others scatter: there what takes most
-/// of the oddest observable away counts.
-std::vector<Contender> Search::overlooked() {
+/// of the oddest observable away counts, also if a fit from elsewhere has left it.
+std::vector<Contender> Search::overlooked(std::span<const Model> judged) {
   constexpr double least_share = 0.1, least_of_oddest = 0.5;
   constexpr std::size_t most = 4, most_by_oddest = 3;
   const auto not_fitted = [&](const Scan& scan) { return !end_alone(scan); };
@@ -690,14 +690,24 @@ std::vector<Contender> Search::overlooked() {
         return PartMatch{scan.best().share, scan.best().best};
       },
       least_share, most, not_fitted);
-  for (Promising& one :
-       promising_in(most_missed(ground_.plain, ground_.battery), least_of_oddest, most_by_oddest, not_fitted))
+  const std::string oddest = most_missed(ground_.plain, ground_.battery);
+  const auto leaves_oddest = [&](const Model& model) {
+    const Eigen::Index left = naming_.left_by(model);
+    return left >= 0 && ground_.battery[static_cast<std::size_t>(left)].observable == oddest;
+  };
+  const auto not_fitted_there = [&](const Scan& scan) {
+    const std::vector<std::string> alone{scan.effect->name};
+    return not_fitted(scan) || std::any_of(judged.begin(), judged.end(), [&](const Model& model) {
+             return model.effects == alone && leaves_oddest(model);
+           });
+  };
+  for (Promising& one : promising_in(oddest, least_of_oddest, most_by_oddest, not_fitted_there))
     if (std::none_of(list.begin(), list.end(), [&](const Promising& seen) { return seen.scan == one.scan; }))
       list.push_back(std::move(one));
   std::vector<Contender> contenders;
   for (const Promising& one : list)
-    contenders.push_back({one.scan->effect->name, with(ground_.plain, *one.scan, one.match.best),
-                          one.scan->best().log_likelihood});
+    contenders.push_back({one.scan->effect->name + (end_alone(*one.scan) ? ", oddest" : ""),
+                          with(ground_.plain, *one.scan, one.match.best), one.scan->best().log_likelihood});
   return contenders;
 }
 

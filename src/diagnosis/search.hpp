@@ -86,7 +86,7 @@ class Search {
                                    std::size_t most, const Asked& asked) const;
   std::vector<Promising> promising_in(const std::string& observable, double least, std::size_t most,
                                       const Asked& asked) const;
-  std::vector<Contender> overlooked();
+  std::vector<Contender> overlooked(std::span<const Model> judged);
   void add_pair(const PairMatch& match, std::vector<Contender>& candidates);
   std::optional<Eigen::VectorXd> end_alone(const Scan& scan) const;
   const Scan& scan_of(const std::string& name) const;

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "calibration/notes.hpp"
 #include "diagnosis/blind.hpp"
@@ -150,8 +152,13 @@ TEST(Fit, WhatScattersWidelyIsNotNearForThat) {
   }
   EXPECT_LT(nearer, 0.2) << "nothing to be told apart";
   EXPECT_GT(likelier, 0.3);
-  // Nor does a fit stay there. How much shorter a walk it ends at, single stacks hardly say.
-  const Model model = fitted(4, 8, "from a longer walk");
+  // Nor do fits stay there. How much shorter a walk one ends at, single stacks hardly say: the middle of
+  // three.
+  std::vector<Model> ends;
+  for (int k = 0; k < 3; ++k) ends.push_back(fitted(4, 8, "from a longer walk " + std::to_string(k)));
+  std::sort(ends.begin(), ends.end(),
+            [rms](const Model& a, const Model& b) { return a.nearest[rms].centre < b.nearest[rms].centre; });
+  const Model& model = ends[1];
   EXPECT_LT(model.nearest[rms].centre, model.open[rms].coordinate_of(truth[0]) + std::log(2.0));
   // Such stacks do not calibrate alike, and the bias is drawn accordingly; the optics of all are the same.
   const auto wider = [&](std::size_t k) { return model.open[k].width / it.plain.open[k].width; };

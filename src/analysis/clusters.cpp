@@ -12,7 +12,7 @@ namespace {
 struct Events {
   enum { pixels, single, two_to_three, four_and_more, elongated, charge, frames_with, count };
   std::array<double, count> sums{};
-  double largest = 0;  // charge of a cluster, in read noise
+  double largest = 0;  // charge of a cluster, in least ones
   std::vector<std::uint16_t> fired;
   Events& operator+=(const Events& other) {
     for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += other.sums[k];
@@ -88,8 +88,8 @@ class Clusters : public Family {
                          shorter = std::min(right - left, bottom - top) + 1;
       ++events.sums[size == 1 ? Events::single : size < 4 ? Events::two_to_three : Events::four_and_more];
       events.sums[Events::elongated] += longer >= 3 && longer >= 2 * shorter;
-      events.sums[Events::charge] += charge;
-      events.largest = std::max(events.largest, charge / static_cast<double>(layout_.read_noise));
+      events.sums[Events::charge] += charge / layout_.least_event;
+      events.largest = std::max(events.largest, charge / layout_.least_event);
     }
   }
 
@@ -105,8 +105,8 @@ class Clusters : public Family {
     put("two_to_three", events.sums[Events::two_to_three]);
     put("four_and_more", events.sums[Events::four_and_more]);
     put("elongated", events.sums[Events::elongated]);
-    put("largest", events.largest / 100);
-    put("charge", events.sums[Events::charge] / static_cast<double>(layout_.read_noise) / 100);
+    put("largest", events.largest);
+    put("charge", events.sums[Events::charge]);
     put("frames", events.sums[Events::frames_with]);
     double repeated = 0, often = 0;
     for (const std::uint16_t times : events.fired) repeated += times >= 2, often += times >= 5;

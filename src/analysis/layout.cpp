@@ -73,6 +73,7 @@ Layout::Layout(const StackModel& model, bool for_darks)
   const double base = static_cast<double>(dark_scale);
   // One electron's exponential tail reaches this often less than once in a million pixels.
   const double tail = multiplied ? 14 * gain : 0;
+  least_event = 7 * white + tail + static_cast<double>(background);
   drive_cap = static_cast<float>(std::max(12.0, 3 * gain / base));
   const bool lit = !darks && !model.site_light.empty() && !model.sites.empty();
   for (int r = 0; r < shape.rows; ++r)

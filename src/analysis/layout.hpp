@@ -55,6 +55,7 @@ struct Layout {
   double quiet_sum = 0, quiet_square_sum = 0;
   /// Above this (in scales) a pixel holds more than the model has; huge in the margin.
   Plane event_threshold;
+  double least_event = 1;                  // counts, of a dark pixel at that threshold
   float drive_cap = 12;                    // in scales: what counts of a bright pixel as a driver
   Plane site_light;                        // expected light of a frame relative to an atom
   std::vector<std::uint32_t> dark_pixels;  // indices into a frame: the least site light

@@ -149,7 +149,7 @@ class Diagnoser {
       recalibrate(fewer, real_stack(), plan_, numbers_of("step calibration/" + step_name));
       fewer.population =
           simulate_population(fewer.lab, fewer.open, 40, plan_, numbers_of("step/" + step_name));
-      const Standard step(fewer.population, Part::held_out, {}, {}, effects_reach, before.deviation());
+      const Standard step(fewer.population, Part::held_out, {}, {}, effects_reach);
       gap.steps.push_back(
           {fewer.effects.back(), gap_of(step.judge(held_out).cwiseProduct(in_larger_units(step, before)))});
     }

@@ -109,8 +109,7 @@ class HeldOut {
       : battery_(battery),
         before_(plain.population, Part::held_out),
         after_(found.population, Part::held_out, effects_of(found),
-               found.explains.empty() ? Eigen::VectorXd() : found.standard->discrepancy(), effects_reach,
-               before_.deviation()) {
+               found.explains.empty() ? Eigen::VectorXd() : found.standard->discrepancy(), effects_reach) {
     const Standard estimator = found.estimator(Part::fitting);
     own_ = as_fitted(found, estimator);
     const Eigen::VectorXd statistics = as_vector(real.part[1]);

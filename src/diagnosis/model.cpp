@@ -209,9 +209,9 @@ void judge(Model& model, const BatteryValues& real, int stacks, const StackPlan&
     discrepancy = allowed_discrepancy(*plain, real, plan, model.explains);
   else
     discrepancy = optical_detail(Standard(model.population, Part::whole).deviation(), plan);
-  model.standard = std::make_unique<Standard>(
-      model.population, Part::whole, std::vector<Eigen::Index>{}, model.with_undrawn(std::move(discrepancy)),
-      plain ? effects_reach : plain_reach, plain ? plain->standard->deviation() : Eigen::VectorXd());
+  model.standard = std::make_unique<Standard>(model.population, Part::whole, std::vector<Eigen::Index>{},
+                                              model.with_undrawn(std::move(discrepancy)),
+                                              plain ? effects_reach : plain_reach);
   // The plain model's own stacks are granted the same, or frames of its kind would look better than they are.
   const Eigen::MatrixXd own = plain ? model.standard->own() : tolerated_own(model);
   model.test = std::make_unique<OmnibusTest>(

@@ -12,6 +12,8 @@ constexpr double winsor = 5;         // residuals count at most this many deviat
 constexpr double prior_widths = 10;  // of a parameter, in widths of its draws
 constexpr double largest_z = 1e4;
 constexpr double ordinary = 4;  // deviations that a model's own stacks have now and then
+// Counts of events enter by asinh: of one where stacks have none a bit more than 2.5 deviations, as much as
+// some hundreds of them can say; of ten nearly 9.
 constexpr double still = 0.35;
 constexpr double far_reach = 20;  // widths
 constexpr double least_response = 0.2;
@@ -144,7 +146,7 @@ Eigen::VectorXd Standard::deltas(const Fit& fit, const Eigen::VectorXd& z,
 }
 
 Standard::Standard(const Population& population, Part part, std::vector<Eigen::Index> known,
-                   Eigen::VectorXd discrepancy, double reach, const Eigen::VectorXd& if_still)
+                   Eigen::VectorXd discrepancy, double reach)
     : known_(std::move(known)),
       outliers_(population.outliers),
       discrepancy_(std::move(discrepancy)),
@@ -204,8 +206,11 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
     if (!(fit_.spread(i) > 0)) continue;
     std::vector<double> sizes;
     for (Eigen::Index k = 0; k < n; ++k) sizes.push_back(std::fabs(own_(k, i)));
+    // What hardly any stack moves counts in its own unit: none of some hundreds has an event, and that much
+    // says of it.
+    const double least = fit_.spread(i) == still ? 1 : 0.2;
     const double body = std::max(
-        {1.4826 * quantile(sizes, 0.5), quantile(sizes, 0.9) / 1.645, quantile(sizes, 0.985) / 2.43, 0.2});
+        {1.4826 * quantile(sizes, 0.5), quantile(sizes, 0.9) / 1.645, quantile(sizes, 0.985) / 2.43, least});
     // Rare large values: the largest of all stacks counts as 4. The stack that has it is judged by the
     // others'.
     Eigen::Index at_largest = 0;
@@ -222,8 +227,6 @@ Standard::Standard(const Population& population, Part part, std::vector<Eigen::I
     }
     const double unit = std::max(body, largest / 4);
     deviation_(i) = unit * fit_.spread(i);
-    if (if_still.size() && (statistics.col(i).array() == statistics(0, i)).all())
-      deviation_(i) = std::max(deviation_(i), if_still(i));
     own_.col(i) /= unit;
     own_(at_largest, i) *= unit / std::max(body, second / 4);
     // Of a statistic that some stacks throw far out for no reason, nothing is to be concluded beyond that.

@@ -30,11 +30,9 @@ class Standard {
   /// how much the model may be wrong about each statistic (1 sigma, in the statistic's unit; empty: not at
   /// all). `reach`: no parameter is farther from the centre of the draws, in their widths. Calibration has
   /// seen to that for the plain model: an effect must not be taken for a calibration that is hopelessly
-  /// wrong. `if_still`: least deviation of a statistic that is the same in all stacks, as more stacks say;
-  /// some tens of them do not have what is rare.
+  /// wrong.
   Standard(const Population& population, Part part, std::vector<Eigen::Index> known = {},
-           Eigen::VectorXd discrepancy = {}, double reach = plain_reach,
-           const Eigen::VectorXd& if_still = {});
+           Eigen::VectorXd discrepancy = {}, double reach = plain_reach);
 
   /// Residuals in standard deviations, one per statistic (0 where it cannot be said). `known_values`: of the
   /// known columns, coordinates.

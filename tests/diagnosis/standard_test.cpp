@@ -121,24 +121,26 @@ TEST(Standard, WhatAFewOfItsStacksHaveIsNoDifference) {
   }
 }
 
-// A rare event: some of many stacks have it, none of a few.
-TEST(Standard, WhatNoStackHasCountsAsMoreStacksSay) {
-  Lines lines;
-  Population few = lines.population(1, 60);
-  few.whole.rightCols(2).setZero();
-  few.whole(0, statistics - 1) = 0.1;
-  Eigen::VectorXd frames = lines.stack(Eigen::Vector2d::Zero());
-  frames.tail(2).setConstant(0.9);
-  Eigen::VectorXd of_many = Eigen::VectorXd::Constant(statistics, 0.25);
-  const Standard alone(few, Part::whole), standard(few, Part::whole, {}, {}, plain_reach, of_many);
-  const Eigen::VectorXd by_itself = alone.judge(frames), z = standard.judge(frames);
-  EXPECT_GT(by_itself(statistics - 2), 10);
-  EXPECT_NEAR(z(statistics - 2), 0.9 / 0.25, 1e-9);
-  // What moves in one of them counts in its own unit, and so does all else.
-  EXPECT_EQ(z(statistics - 1), by_itself(statistics - 1));
-  EXPECT_EQ(z.head(statistics - 2), by_itself.head(statistics - 2));
-  of_many(statistics - 2) = 0;  // nor has any of the many
-  EXPECT_EQ(Standard(few, Part::whole, {}, {}, plain_reach, of_many).judge(frames), by_itself);
+// That none of a few hundred stacks has an event, or one of them, says how often it comes, and no more than
+// that.
+TEST(Standard, OneEventIsAsRareAsTheStacksCanSay) {
+  constexpr Eigen::Index rare = statistics - 1;
+  for (const int stacks_with_one : {0, 1, 2}) {
+    Lines lines;
+    Population population = lines.population(1, 240);
+    population.whole.col(rare).setZero();
+    for (int k = 0; k < stacks_with_one; ++k) population.whole(7 + 11 * k, rare) = std::asinh(1);
+    const Standard standard(population, Part::whole);
+    const auto of_events = [&](double number) {
+      Eigen::VectorXd stack = lines.stack(Eigen::Vector2d(0, 0));
+      stack(rare) = std::asinh(number);
+      return standard.judge(stack)(rare);
+    };
+    EXPECT_GT(of_events(1), 2) << stacks_with_one;
+    EXPECT_LT(of_events(1), 3) << stacks_with_one;
+    EXPECT_GT(of_events(5), 5.5) << stacks_with_one;
+    EXPECT_GT(of_events(100), 13) << stacks_with_one;
+  }
 }
 
 // A calibration's parameter is left where it is known to be.

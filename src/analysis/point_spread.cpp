@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "analysis/distortion.hpp"
+#include "analysis/products.hpp"
 #include "analysis/series.hpp"
 #include "analysis/shape_templates.hpp"
 #include "analysis/stamp_templates.hpp"
@@ -248,9 +249,7 @@ class PointSpread : public Family {
         }
       for (std::size_t k = 0; k < image_change_names.size(); ++k) {
         const Floats& weighed = shapes_[s].weighed[k];
-        double product = 0;
-        for (std::size_t i = 0; i < weighed.size(); ++i)
-          product += static_cast<double>(response[i]) * static_cast<double>(weighed[i]);
+        const double product = sum_of_products(weighed.size(), response, weighed.data());
         changes[s][k] = product / shapes_[s].norm[k] / change2;
       }
       lonely[s] = loneliest(deviation, packed);

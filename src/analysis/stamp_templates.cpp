@@ -1,36 +1,43 @@
 #include "analysis/stamp_templates.hpp"
 
+#include <utility>
 #include <vector>
 
 #include "analysis/lanes.hpp"
+#include "analysis/products.hpp"
 
 namespace atomcam::analysis {
 namespace {
 
-/// What a site's pixels gain when its image gets wider by itself: the Laplacian of the share, less what of
-/// it, with pixels so weighted, looks like any of `others`.
-Floats widening_of(const PackedSite& packed, const Floats& weight, std::vector<Floats> others) {
+Floats times(Floats a, const Floats& b) {
+  for (std::size_t i = 0; i < a.size(); ++i) a[i] *= b[i];
+  return a;
+}
+
+/// What a site's pixels gain when its image gets wider by itself, in deviations of their noise: the Laplacian
+/// of the share, less what of it looks like any of `others` (counts).
+Floats widening_of(const PackedSite& packed, const Floats& inverse_scale, std::vector<Floats> others) {
+  const auto product = [](const Floats& a, const Floats& b) {
+    return sum_of_products(a.size(), a.data(), b.data());
+  };
+  const auto take_away = [&](const Floats& of, Floats& from) {
+    const auto part = static_cast<float>(product(of, from) / product(of, of));
+    for (std::size_t i = 0; i < of.size(); ++i) from[i] -= part * of[i];
+  };
+  constexpr double rounding = 1e-6;
+  std::vector<Floats> apart;
+  for (Floats& counts : others) {
+    Floats other = times(std::move(counts), inverse_scale);
+    const double whole = product(other, other);
+    for (const Floats& before : apart) take_away(before, other);
+    if (product(other, other) > rounding * whole) apart.push_back(std::move(other));
+  }
   Floats widening(packed.share.size(), 0.0f);
   for (int r = 0; r < packed.rows; ++r)
     for (int c = 0; c < packed.columns; ++c)
       widening[packed.width * static_cast<std::size_t>(r) + static_cast<std::size_t>(c)] =
           static_cast<float>(laplacian_at(packed, r, c));
-  const auto product = [&](const Floats& a, const Floats& b) {
-    double sum = 0;
-    for (std::size_t i = 0; i < a.size(); ++i) sum += static_cast<double>(weight[i] * a[i] * b[i]);
-    return sum;
-  };
-  const auto take_away = [&](const Floats& of, Floats& from) {
-    const double part = product(of, from) / product(of, of);
-    for (std::size_t i = 0; i < of.size(); ++i) from[i] -= static_cast<float>(part) * of[i];
-  };
-  constexpr double rounding = 1e-6;
-  std::vector<Floats> apart;
-  for (Floats& other : others) {
-    const double whole = product(other, other);
-    for (const Floats& before : apart) take_away(before, other);
-    if (product(other, other) > rounding * whole) apart.push_back(std::move(other));
-  }
+  widening = times(std::move(widening), inverse_scale);
   for (const Floats& other : apart) take_away(other, widening);
   return widening;
 }
@@ -51,7 +58,7 @@ double laplacian_at(const PackedSite& packed, int r, int c) {
 
 StampTemplates::StampTemplates(const Layout& layout, const PackedSite& packed) {
   const Floats none(packed.share.size(), 0.0f);
-  Floats weight = none, level = none;
+  Floats inverse_scale = none;
   x = y = core = wing = none;
   for (int r = 0; r < packed.rows; ++r)
     for (int c = 0; c < packed.columns; ++c) {
@@ -63,21 +70,17 @@ StampTemplates::StampTemplates(const Layout& layout, const PackedSite& packed) {
       wing[i] = packed.wing[i] * scale2;
       norm_x += static_cast<double>(x[i]) * static_cast<double>(packed.slope_x[i]);
       norm_y += static_cast<double>(y[i]) * static_cast<double>(packed.slope_y[i]);
-      weight[i] = scale2;
-      level[i] = 1;
+      inverse_scale[i] = scale;
     }
-  Floats light_in_error = packed.share;
-  for (std::size_t i = 0; i < weight.size(); ++i) light_in_error[i] *= packed.weight[i];
-  width = widening_of(packed, weight, {level, packed.share});
+  const Floats level(packed.share.size(), 1.0f), light_in_error = times(packed.share, packed.weight);
+  width = widening_of(packed, inverse_scale, {level, packed.share});
   // Atoms that seem fainter by chance are no wider: nor does it go with the error that read noise or photon
   // noise make in the brightness.
-  atom_width = widening_of(packed, weight, {level, packed.share, packed.weight, light_in_error});
-  for (std::size_t i = 0; i < weight.size(); ++i) {
-    norm_width += static_cast<double>(weight[i] * width[i] * width[i]);
-    norm_atom_width += static_cast<double>(weight[i] * atom_width[i] * atom_width[i]);
-    width[i] *= weight[i];
-    atom_width[i] *= weight[i];
-  }
+  atom_width = widening_of(packed, inverse_scale, {level, packed.share, packed.weight, light_in_error});
+  norm_width = sum_of_products(width.size(), width.data(), width.data());
+  norm_atom_width = sum_of_products(atom_width.size(), atom_width.data(), atom_width.data());
+  width = times(std::move(width), inverse_scale);
+  atom_width = times(std::move(atom_width), inverse_scale);
 }
 
 ATOMCAM_VECTOR_CLONES

@@ -118,7 +118,7 @@ class Diagnoser {
   }
 
   void explain() {
-    Search search({plain_, real_stack(), frames_, plan_, declarations_, excluded(), progress_});
+    Search search({plain_, real_stack(), frames_, darks_, plan_, declarations_, excluded(), progress_});
     if (std::optional<Found> found = search.run()) {
       result_.verdict = found->verdict;
       result_.effects = std::move(found->effects);

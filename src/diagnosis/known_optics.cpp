@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <map>
 
 #include "analysis/image_motion.hpp"
 #include "base/math.hpp"
@@ -30,13 +29,9 @@ void start_at_field_focus(Model& model, const FieldFocus& field, const Calibrati
   if (!(tilt_um > 0)) return;
   const double angle_deg = std::atan2(field.y_um, field.x_um) * 180 / math::pi;
   const std::string effect = fmt::format("effects.{}.", field_focus_effect);
-  const std::map<std::string, double> values{
-      {effect + "tilt_um", tilt_um},
-      {effect + "angle_deg", angle_deg < 0 ? angle_deg + 360 : angle_deg},
-      {effect + "curvature", field.curvature_um / tilt_um}};
-  for (Uncertain& one : model.open)
-    if (const auto found = values.find(one.name); found != values.end())
-      one.centre = std::clamp(one.coordinate_of(found->second), one.lowest, one.highest);
+  start_at(model, {{effect + "tilt_um", tilt_um},
+                   {effect + "angle_deg", angle_deg < 0 ? angle_deg + 360 : angle_deg},
+                   {effect + "curvature", field.curvature_um / tilt_um}});
   hold_zernikes(model, field.zernike_um, calibration);
 }
 

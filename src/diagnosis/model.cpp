@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <map>
 
 #include "base/error.hpp"
 #include "simulation/parallel.hpp"
@@ -332,6 +331,12 @@ void leave_out_the_astray(Eigen::MatrixXd& offsets, const std::vector<Uncertain>
 }
 
 }  // namespace
+
+void start_at(Model& model, const std::map<std::string, double>& values) {
+  for (Uncertain& one : model.open)
+    if (const auto found = values.find(one.name); found != values.end())
+      one.centre = std::clamp(one.coordinate_of(found->second), one.lowest, one.highest);
+}
 
 void recalibrate(Model& model, const RealStack& real, const StackPlan& plan, std::uint64_t first) {
   Eigen::MatrixXd offsets = calibration_offsets(model, real, plan, first);

@@ -2,6 +2,7 @@
 // A hypothesis about a stack: the plain model with some effects on, judged by really simulating it.
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -114,6 +115,9 @@ struct RealStack {
   std::size_t background_frames = 0;  // without atoms; 0: calibrated without them
   double background_exposure_s = 0;   // 0: that of the frames
 };
+
+/// Puts the open parameters of these names about these values, within their bounds.
+void start_at(Model& model, const std::map<std::string, double>& values);
 
 /// Moves the calibration's parameters so that simulated stacks of the model calibrate as the real one does:
 /// what calibration absorbed of an effect is given back.

@@ -13,6 +13,8 @@
 namespace atomcam {
 namespace {
 
+constexpr std::string_view stripes_effect = "emi_stripes";
+
 constexpr double second_evidence = 12;  // logarithm, for another effect on top of one
 constexpr double if_left = 6;           // likewise, where the one alone leaves something
 constexpr double takes_most = 0.5;      // of the gap: an effect that is likely there, though not accepted
@@ -242,8 +244,7 @@ std::optional<Found> Search::whole() {
     singles.push_back(std::move(model));
   if (const auto named = naming_.choose(singles)) return found(named);
   const Model& either = likeliest(singles);
-  std::erase_if(pairs.undecided,
-                [&](const Model& pair) { return !likelier(pair, either) && !naming_.contradicted(either); });
+  std::erase_if(pairs.undecided, [&](const Model& pair) { return !preferred(pair, either); });
   if (const auto named = naming_.choose(pairs.undecided)) return found(named);
   std::vector<Model> more;
   if (!pairs.both_needed.empty()) more = triples(likeliest(pairs.both_needed));
@@ -392,7 +393,7 @@ Search::Pairs Search::pairs(std::span<Model> singles) {
       if (Model alone = only(model, needed); !judged_about(alone, singles))
         pairs.needed_alone.push_back({needed.front() + ", of " + title(model), std::move(alone),
                                       scan_of(needed.front()).best().log_likelihood});
-    if (better || naming_.contradicted(left_alone)) pairs.undecided.push_back(std::move(model));
+    if (preferred(model, left_alone)) pairs.undecided.push_back(std::move(model));
   }
   return pairs;
 }
@@ -413,7 +414,7 @@ std::vector<Model> Search::triples(const Model& pair) {
         list.push_back(std::move(model));
     } else if (naming_.passes(model)) {
       if (needed.size() == 2) fewer.push_back({title(model) + ", of three", only(model, needed), 0});
-      if (better || naming_.contradicted(pair)) undecided.push_back(std::move(model));
+      if (preferred(model, pair)) undecided.push_back(std::move(model));
     }
   }
   for (Model& model : fit_and_judge(std::move(fewer), 0.85, 0.86))
@@ -571,7 +572,20 @@ Model Search::with(const Model& before, const Scan& scan, const Eigen::VectorXd&
     start_at_field_focus(model, *field_focus_, calibration);
   }
   if (scan.effect->name == wandering_effect) hold_zernikes(model, moving_zernikes(), calibration);
+  // Of a sharp frequency the statistics say whether there is one, and little of where: its mirror image is a
+  // valley of its own.
+  if (scan.effect->name == stripes_effect && stripes())
+    start_at(model, {{fmt::format("effects.{}.period_px", stripes_effect), stripes()->period_px},
+                     {fmt::format("effects.{}.row_phase_deg", stripes_effect), stripes()->row_phase_deg}});
   return model;
+}
+
+const std::optional<Stripes>& Search::stripes() {
+  if (!stripes_) {
+    const FrameSequence* without_atoms = atoms() ? ground_.darks : &ground_.frames;
+    stripes_ = without_atoms ? strongest_stripes(*without_atoms) : std::nullopt;
+  }
+  return *stripes_;
 }
 
 /// The model with only these of its effects, about what was estimated with the others.
@@ -594,6 +608,13 @@ Model Search::only(const Model& model, const std::vector<std::string>& names) co
 /// By so much that there is one effect more.
 bool Search::likelier(const Model& model, const Model& fewer) const {
   return Rivals(model, fewer).odds(as_vector(ground_.real.values->whole)) > more_odds;
+}
+
+/// Likelier, or fewer effects cannot be right about something, and most of that is gone with one more.
+bool Search::preferred(const Model& model, const Model& fewer) const {
+  if (likelier(model, fewer)) return true;
+  const Eigen::Index left = naming_.contradicted(fewer) ? naming_.left_by(fewer) : -1;
+  return left >= 0 && std::fabs(model.z(left)) < 0.5 * std::fabs(fewer.z(left));
 }
 
 /// Fitted and judged, noted among the hypotheses.

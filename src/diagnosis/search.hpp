@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "analysis/stripes.hpp"
 #include "diagnosis/contenders.hpp"
 #include "diagnosis/diagnosis.hpp"
 #include "diagnosis/naming.hpp"
@@ -23,6 +24,7 @@ struct SearchGround {
   const Model& plain;  // judged
   RealStack real;
   const FrameSequence& frames;
+  const FrameSequence* darks;  // null: none
   const StackPlan& plan;
   const std::vector<StatisticDeclaration>& battery;
   std::vector<std::string> excluded;  // effects
@@ -109,10 +111,12 @@ class Search {
   std::vector<Model> fit_in_part(const Model& before, const Part& part, const Scan* law);
   void add_starts_of_shaking(std::vector<Contender>& contenders);
   const std::array<double, zernike_terms>& moving_zernikes();
+  const std::optional<Stripes>& stripes();
   double closed_by_rival(const Model& before, const Part& part, const Scan* law, const Model& model);
   Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about);
   Model only(const Model& model, const std::vector<std::string>& names) const;
   bool likelier(const Model& model, const Model& fewer) const;
+  bool preferred(const Model& model, const Model& fewer) const;
   void note(const Model& model, double evidence);
 
   SearchGround ground_;
@@ -123,6 +127,7 @@ class Search {
   std::map<std::string, StartKind> started_;  // the effects that were fitted alone, to which kind of start
   double part_progress_ = 0.86;
   std::optional<FieldFocus> field_focus_;
+  std::optional<std::optional<Stripes>> stripes_;
   std::optional<std::array<double, zernike_terms>> moving_zernikes_;
 };
 

@@ -72,6 +72,7 @@ void SiteImages::solve_linear(Eigen::VectorXd& p) const {
   Eigen::VectorXd at = p;
   at.tail(sites() + 1).setZero();
   const Likelihood linear = evaluate(at, true, true);
+  if (linear.gradient.size() == 0) return;
   const Eigen::Index n = sites() + 1;
   Eigen::MatrixXd information = linear.information.bottomRightCorner(n, n);
   information.diagonal().array() += 1e-9 * information.diagonal().maxCoeff();

@@ -44,7 +44,7 @@ class SiteImages {
   }
   /// The same lattice with these terms, and the light that fits best.
   Eigen::VectorXd with(Eigen::VectorXd p, const std::array<double, zernike_terms>& zernike_um) const;
-  /// The sites' brightness and the background that fit best at these shapes.
+  /// The sites' brightness and the background that fit best at these shapes; at impossible ones as they are.
   void solve_linear(Eigen::VectorXd& p) const;
 
   /// Expected electrons per pixel, row by row.

@@ -73,7 +73,8 @@ Layout::Layout(const StackModel& model, bool for_darks)
   const double base = static_cast<double>(dark_scale);
   // One electron's exponential tail reaches this often less than once in a million pixels.
   const double tail = multiplied ? 14 * gain : 0;
-  least_event = 7 * white + tail + static_cast<double>(background);
+  const auto event_from = [&](double noise) { return 7 * noise + tail + static_cast<double>(background); };
+  least_event = event_from(white);
   drive_cap = static_cast<float>(std::max(12.0, 3 * gain / base));
   const bool lit = !darks && !model.site_light.empty() && !model.sites.empty();
   for (int r = 0; r < shape.rows; ++r)
@@ -87,8 +88,7 @@ Layout::Layout(const StackModel& model, bool for_darks)
       quiet_sum += q;
       quiet_square_sum += q * q;
       site_light.at(r, c) = static_cast<float>(light);
-      event_threshold.at(r, c) =
-          static_cast<float>((7 * full + tail + static_cast<double>(background)) / scale);
+      event_threshold.at(r, c) = static_cast<float>(event_from(full) / scale);
     }
   for (int r = -PlaneShape::margin_rows; r < shape.rows + PlaneShape::margin_rows; ++r)
     for (std::ptrdiff_t c = 0; c < shape.stride; ++c)

@@ -29,7 +29,7 @@ void take_noise(std::span<const std::uint16_t> counts, std::span<const double> m
     noise[i] = static_cast<float>(static_cast<double>(counts[i]) - mean[i]);
   std::vector<double> sizes(noise.size());
   std::transform(noise.begin(), noise.end(), sizes.begin(), [](float x) { return std::fabs(x); });
-  const float limit = tail * static_cast<float>(1.4826 * quantile(sizes, 0.5));
+  const float limit = tail * static_cast<float>(1.4826 * median(sizes));
   for (float& one : noise) one = std::clamp(one, -limit, limit);
 }
 
@@ -61,7 +61,7 @@ std::optional<Stripes> strongest_stripes(const FrameSequence& frames) {
   for (int u = 0; u < rows; ++u)
     for (int v = 1; v < half; ++v)
       if (at(u, v) > highest) highest = at(peak_u = u, peak_v = v);
-  const double usual = quantile(std::vector<double>(power.begin(), power.end()), 0.5);
+  const double usual = median(std::vector<double>(power.begin(), power.end()));
   if (!(highest > usual * (1 + clearly / std::sqrt(looks)))) return {};
   // Between the frequencies that fit into a frame.
   double sum = 0, along_rows = 0, along_columns = 0;

@@ -41,7 +41,7 @@ double behind(double nearest) {
 }
 
 /// Likewise, of a model that has not been followed.
-double left_by(double nearest) {
+double hopeless_beside(double nearest) {
   return nearest < like_own ? behind(nearest) : too_far * nearest;
 }
 
@@ -104,7 +104,7 @@ class Race {
       if (distance > limit) break;
       // What is hopelessly behind is let go as soon as one of them has come near. Until then a start from
       // far away, of a strong effect, may still overtake those that end not quite so far.
-      if (k > 0 && distance > left_by(contenders_.front().model.distance)) {
+      if (k > 0 && distance > hopeless_beside(contenders_.front().model.distance)) {
         contenders_.resize(k);
         break;
       }

@@ -1,6 +1,7 @@
 #include "diagnosis/stages.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <set>
@@ -369,6 +370,27 @@ bool loading_stands_out(const std::vector<StatisticDeclaration>& battery, const 
   return foremost(battery, z, by_site, clear) || foremost(battery, z, along_the_stack, clear_along);
 }
 
+/// Neighbours, rows or columns that hold atoms together more or less often than chance has it: the noise
+/// slopes as they do, and no light comes and goes by site.
+bool atoms_load_together(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  return foremost(battery, z, [](const auto& one) { return has(one, ".sites.pairs.occupancy_"); });
+}
+
+/// Light on one side of the images, and on the same side less than none farther out, where what is left of
+/// coma makes up for it: every spot once more. Charge that trails fades away.
+bool spots_double(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.9, beyond = 4;
+  constexpr std::array<std::string_view, 2> sides = {"right_against_left", "down_against_up"};
+  return std::any_of(sides.begin(), sides.end(), [&](std::string_view side) {
+    const auto at = [&](std::string_view distance) {
+      return deviation_of(std::string("light.point_spread.").append(side).append(distance), battery, z);
+    };
+    const double near = at(".2"), next = at(".3"), far = at(".4");
+    return stands_out(std::fabs(near), z, clear, beside) && near * next < 0 && near * far < 0 &&
+           std::max(std::fabs(next), std::fabs(far)) > beyond;
+  });
+}
+
 /// Occupied sites whose light varies less than the shot noise of so much of it, in their images' middle and
 /// in their sums: no light does that. The bright values are compressed or cut off.
 bool light_is_too_calm(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
@@ -511,6 +533,7 @@ constexpr Sign signs[] = {
     {"sensor", all_light_goes_along, true},
     {"optics", light_flickers, true},
     {"sensor", halves_differ},
+    {"scene", atoms_load_together},
     {"optics", light_slopes, true},
     {"optics", light_ripples, true},
     {"scene", loading_stands_out},
@@ -524,6 +547,7 @@ constexpr Sign signs[] = {
     {"optics", light_waves, true},
     {"sensor", empty_sites_remember},
     {"optics", empty_sites_glow},
+    {"optics", spots_double},
     {"optics", images_change_shape},
     {"optics", light_reaches_far},
     {"optics", images_move_together},

@@ -50,6 +50,7 @@ EffectDeclaration bias_drift() {
                           .scale = ParameterScale::linear,
                           .meaning = "Rms of a part that is new in every frame."}},
           .observables = {"frame_means", "pixel_histogram"},
+          .known_by = {"frame_means"},
           .emccd = true,
           .qcmos = true,
           .make = make_effect<BiasDrift>};

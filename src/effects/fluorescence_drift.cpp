@@ -40,6 +40,7 @@ EffectDeclaration fluorescence_drift() {
                           .scale = ParameterScale::logarithmic,
                           .meaning = "Frames over which the brightness becomes another."}},
           .observables = {"brightness_series", "frame_means", "site_correlation"},
+          .known_by = {"brightness_series"},
           .emccd = true,
           .qcmos = true,
           .make = make_effect<FluorescenceDrift>};

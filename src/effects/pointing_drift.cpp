@@ -40,6 +40,7 @@ EffectDeclaration pointing_drift() {
                           .scale = ParameterScale::logarithmic,
                           .meaning = "Frames over which the position becomes another."}},
           .observables = {"centroid_series", "point_spread_width"},
+          .known_by = {"centroid_series"},  // a strong one has anything else among its stacks
           .emccd = true,
           .qcmos = true,
           .make = make_effect<PointingDrift>};

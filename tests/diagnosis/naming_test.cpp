@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <random>
 
 #include "diagnosis/gap_closed.hpp"
@@ -364,6 +365,21 @@ TEST_F(Naming, AnEffectIsNotNamedAloneWhereWhatItIsKnownByShowsNothing) {
   EXPECT_TRUE(names(unseen, {"site_brightness_spread"}));
   EXPECT_NE(unseen.not_known(model({"etaloning_fringes"}, 1, 0.5)).find("mean_map"), std::string::npos);
   EXPECT_TRUE(unseen.not_known(model({"site_brightness_spread"}, 1, 0.5)).empty());
+}
+
+// A drift's own stacks scatter so widely that they have whatever images and counts do: what drifts is known
+// by the series that it moves.
+TEST_F(Naming, ADriftIsKnownByTheSeriesThatItMoves) {
+  calm_the_rest();
+  const std::map<std::string, std::pair<std::string, std::string>> series_and_other = {
+      {"pointing_drift", {"centroid_series", "point_spread_width"}},
+      {"fluorescence_drift", {"brightness_series", "site_correlation"}},
+      {"bias_drift", {"frame_means", "pixel_histogram"}}};
+  for (const auto& [effect, observables] : series_and_other) {
+    const auto& [series, other] = observables;
+    EXPECT_TRUE(naming_by_observable(series, other).not_known(model({effect}, 1, 0.5)).empty()) << effect;
+    EXPECT_FALSE(naming_by_observable(other, series).not_known(model({effect}, 1, 0.5)).empty()) << effect;
+  }
 }
 
 // Something is odd in the mean image, and other statistics than fringes would move.

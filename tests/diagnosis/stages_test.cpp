@@ -331,6 +331,15 @@ TEST(Stages, SitesThatLoadUnevenlyAreTheScenes) {
   EXPECT_EQ(stage(7, 7.5), "sensor");
 }
 
+TEST(Stages, SitesThatLoadTogetherAreTheScenesThoughTheNoiseSlopesWithThem) {
+  const std::vector<StatisticDeclaration> loading = {
+      {"light.sites.pairs.occupancy_near", "neighbour_exchange", "site", "all sites", false},
+      {"light.temporal_maps.radial", "variance_map", "space", "whole frame", false},
+      {"dark.temporal_maps.radial", "variance_map", "space", "whole frame", true}};
+  EXPECT_EQ(stage_of_differences(loading, Eigen::Vector3d(16, -15, 1), {}), "scene");
+  EXPECT_EQ(stage_of_differences(loading, Eigen::Vector3d(12, -15, 1), {}), "optics");
+}
+
 TEST(Stages, SitesThatLoadEverLessAreTheScenes) {
   const std::vector<StatisticDeclaration> frames = {
       {"light.sites.loading.trend", "site_histogram", "time", "all sites", false},
@@ -404,6 +413,17 @@ TEST(Stages, LightAboveAndBelowSitesIsTheSensors) {
   EXPECT_EQ(stage(9, 8), "sensor");
   EXPECT_EQ(stage(9, 12), "optics");  // not the foremost
   EXPECT_EQ(stage(7, 6), "optics");
+}
+
+TEST(Stages, LightBesideImagesAndNoneBeyondIsASecondImage) {
+  std::vector<StatisticDeclaration> sides;
+  for (const char* distance : {"2", "3", "4"})
+    sides.push_back({std::string("light.point_spread.down_against_up.") + distance, "trailing_charge",
+                     "shape", "around sites", false});
+  EXPECT_EQ(stage_of_differences(sides, Eigen::Vector3d(17, -4.5, -5.5), {}), "optics");
+  EXPECT_EQ(stage_of_differences(sides, Eigen::Vector3d(-17, 4.5, 5.5), {}), "optics");
+  EXPECT_EQ(stage_of_differences(sides, Eigen::Vector3d(17, 4.5, -5.5), {}), "sensor");
+  EXPECT_EQ(stage_of_differences(sides, Eigen::Vector3d(11, 3, 4), {}), "sensor");  // a trail
 }
 
 TEST(Stages, AWaveAcrossTheMeanInLightOnlyIsOfTheOptics) {

@@ -89,6 +89,10 @@ TEST(Catalogue, DeclaresWhatEveryoneNeeds) {
     EXPECT_TRUE(effect.emccd || effect.qcmos) << effect.name;
     ASSERT_FALSE(effect.parameters.empty()) << effect.name;
     EXPECT_EQ(effect.parameters.front().minimum, 0) << effect.name << ": its strength must reach zero";
+    for (const std::string& observable : effect.known_by)
+      EXPECT_NE(std::find(effect.observables.begin(), effect.observables.end(), observable),
+                effect.observables.end())
+          << effect.name;
     for (const std::string& observable : effect.observables)
       EXPECT_TRUE(known.contains(observable)) << observable;
     std::set<std::string> keys;

@@ -43,18 +43,33 @@ Eigen::VectorXd without_common_scatter(const Eigen::VectorXd& z, const Eigen::Ma
   return z - directions.transpose() * gram.llt().solve(directions * z);
 }
 
+/// Likewise of each of a model's own stacks, a row each, less what it has together with the others (the
+/// residuals of leaving one out, from the inverse of all).
+Eigen::MatrixXd each_without_common_scatter(const Eigen::MatrixXd& own) {
+  const auto stacks = static_cast<double>(std::max<Eigen::Index>(1, own.rows()));
+  Eigen::MatrixXd gram = own * own.transpose() / stacks;
+  gram.diagonal().array() += 1;
+  const Eigen::MatrixXd inverse = gram.llt().solve(Eigen::MatrixXd::Identity(gram.rows(), gram.cols()));
+  return inverse.diagonal().cwiseInverse().asDiagonal() * (inverse * own);
+}
+
 /// By what a model's deviations are multiplied to be in units of the plain model's; 0 where one has none.
 Eigen::VectorXd in_plain_units(const Standard& model, const Standard& plain) {
   const auto own = model.deviation().array(), before = plain.deviation().array();
   return (own > 0 && before > 0).select(own / before.max(1e-300), 0.0);
 }
 
+/// No farther than the plain model's own stacks from it; or than most of this model's own from each other,
+/// which may scatter farther in no common direction, too.
 bool differs_as_own_stacks(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
-  constexpr double usual = 0.99;  // part of the plain model's own stacks
+  constexpr double usual = 0.99, most = 0.9;  // part of own stacks
+  constexpr double farthest = 2;              // times as far as the plain model's
   const Eigen::VectorXd units = in_plain_units(*model.standard, *plain.standard).cwiseProduct(mask);
   const Eigen::MatrixXd stacks = model.standard->own() * units.asDiagonal();
-  return gap_of(without_common_scatter(model.z.cwiseProduct(units), stacks)) <
-         Floor(plain.standard->own(), mask).at(usual);
+  const double left = gap_of(without_common_scatter(model.z.cwiseProduct(units), stacks));
+  const double as_plain = Floor(plain.standard->own(), mask).at(usual);
+  return left < as_plain ||
+         (left < farthest * as_plain && left < Floor(each_without_common_scatter(stacks)).at(most));
 }
 
 /// By that stack of the model's own which comes nearest to the frames, in the plain model's units.
@@ -167,11 +182,7 @@ class HeldOut {
     const Eigen::MatrixXd stacks = own_ * units.asDiagonal();
     z_before_ = z_before_.cwiseProduct((units.array() > 0).cast<double>().matrix());
     z_after_ = without_common_scatter(z_after_.cwiseProduct(units), stacks);
-    for (Eigen::Index n = 0; n < stacks.rows(); ++n) {
-      Eigen::MatrixXd others = stacks;
-      others.row(n).setZero();
-      own_.row(n) = without_common_scatter(stacks.row(n).transpose(), others).transpose();
-    }
+    own_ = each_without_common_scatter(stacks);
   }
 
   /// The model's own stacks, judged as the real one is: by what half of the frames says of the effects, not

@@ -36,7 +36,8 @@ double closed_in_own_units(const Model& model, const Model& plain,
 bool much_likelier(const Model& model, const Model& plain);
 
 /// Whether the frames differ from the judged model only in directions in which its own stacks scatter
-/// together: what is left without these is as little as the plain model leaves of its own.
+/// together: what is left without these is as little as the plain model leaves of its own, or as most of its
+/// own stacks leave to the others.
 bool differs_as_own_stacks(const Model& model, const Model& plain,
                            const std::vector<StatisticDeclaration>& battery);
 

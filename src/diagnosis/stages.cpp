@@ -476,12 +476,27 @@ bool light_waves(const std::vector<StatisticDeclaration>& battery, const Eigen::
   return wave(true) < quiet && stands_out(wave(false), z, clear, beside);
 }
 
+/// Lit pixels go together as far as images reach, dark ones do not, and the sites brighten and fade together:
+/// a lens that changes from frame to frame. Charge that leaks goes to the next pixels.
+bool images_change_together(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, as_far = 0.6, quiet = 0.2;
+  const auto lit = [&](std::string_view way) {
+    return neighbours_in_light(".neighbours.all.", way, battery, z);
+  };
+  const double far = std::min(lit("right_2"), lit("down_2"));
+  const double dark = largest(battery, z, [](const auto& one) { return has(one, ".neighbours.dark."); });
+  return far > std::max(clear, as_far * std::max(lit("right_1"), lit("down_1"))) && dark < quiet * far &&
+         deviation_of("light.sites.common.variance", battery, z) > clear;
+}
+
 /// The shape of images far more than anything else. Where nothing is as odd, the sites' brightness may follow
-/// it, and the lines that answer to it.
+/// it, and the lines that answer to it; if images change from frame to frame, whatever they fall on.
 bool images_change_shape(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 15, beside = 1.5;
-  const auto follows_shape = [](const auto& one) {
-    return stage_of_observable(one.observable, one.darks) == "scene" || has(one, ".response_");
+  const bool changing = images_change_together(battery, z);
+  const auto follows_shape = [changing](const auto& one) {
+    return stage_of_observable(one.observable, one.darks) == "scene" || has(one, ".response_") ||
+           (changing && !one.darks);
   };
   const bool most = foremost(battery, z, is_shape);
   const double others = largest(battery, z, [&](const auto& one) {

@@ -59,6 +59,26 @@ class MadeUp {
     wide.z = wide.standard->judge(real);
     return closed_by(wide, plain, std::vector<StatisticDeclaration>(statistics));
   }
+  /// How many of twenty stacks differ as own stacks from a model, of more statistics than it has stacks: each
+  /// scatters so many times as far as the plain one.
+  int differing_as_own(double scatter, double frames) {
+    constexpr Eigen::Index many = 400;
+    const auto rough = [&](double times) {
+      Model made;
+      made.population.draws = noise(1);
+      made.population.whole = times * noise(many);
+      made.standard = std::make_unique<Standard>(made.population, Part::whole);
+      return made;
+    };
+    const Model plain = rough(1);
+    Model model = rough(scatter);
+    int count = 0;
+    for (int n = 0; n < 20; ++n) {
+      model.z = model.standard->judge(frames * noise(many).row(0).transpose());
+      count += differs_as_own_stacks(model, plain, std::vector<StatisticDeclaration>(many));
+    }
+    return count;
+  }
 
  private:
   Eigen::MatrixXd noise(Eigen::Index columns) {
@@ -81,6 +101,15 @@ TEST(GapClosed, ScatterInManyDirectionsClosesWhatLiesInThem) {
   MadeUp made;
   EXPECT_GT(made.closed_by_walks(true), 0.95);
   EXPECT_LT(made.closed_by_walks(false), 0.5);
+}
+
+// What scatters farther leaves more to other stacks of its own, in no common direction; yet not any amount.
+TEST(GapClosed, OwnStacksDifferFromEachOtherAsFarAsTheyScatter) {
+  MadeUp made;
+  EXPECT_GT(made.differing_as_own(1, 1), 18);
+  EXPECT_GT(made.differing_as_own(1.6, 1.6), 10);
+  EXPECT_LT(made.differing_as_own(1.6, 2.4), 2);
+  EXPECT_LT(made.differing_as_own(4, 4), 2);
 }
 
 // How near single stacks come says nothing where the gap is many times what even the wide model scatters.

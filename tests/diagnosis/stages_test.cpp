@@ -552,6 +552,26 @@ TEST(Stages, ImagesOfAnotherShapeAreOfTheOptics) {
   EXPECT_EQ(stage(-60, 140, 1), "sensor");  // none is missing where hardly any is
 }
 
+TEST(Stages, ImagesThatChangeTogetherFromFrameToFrameAreOfTheOptics) {
+  const std::vector<StatisticDeclaration> images = {
+      {"light.point_spread.misfit.wing", "point_spread_width", "shape", "all sites", false},
+      {"light.neighbours.all.right_1", "horizontal_correlation", "space", "whole frame", false},
+      {"light.neighbours.all.right_2", "horizontal_correlation", "space", "whole frame", false},
+      {"light.neighbours.all.down_1", "vertical_correlation", "space", "whole frame", false},
+      {"light.neighbours.all.down_2", "vertical_correlation", "space", "whole frame", false},
+      {"light.neighbours.dark.right_1", "horizontal_correlation", "space", "dark pixels", false},
+      {"light.sites.common.variance", "brightness_series", "time", "occupied sites", false}};
+  const auto stage = [&](double shape, double next, double far, double dark, double common) {
+    Eigen::VectorXd z(7);
+    z << shape, next, far, next, far, dark, common;
+    return stage_of_differences(images, z, {});
+  };
+  EXPECT_EQ(stage(130, 110, 90, 4, 35), "optics");
+  EXPECT_EQ(stage(130, 110, 30, 4, 35), "sensor");  // charge that goes to the next pixel
+  EXPECT_EQ(stage(130, 110, 90, 60, 35), "sensor");
+  EXPECT_EQ(stage(130, 110, 90, 4, 2), "sensor");  // not all at once
+}
+
 TEST(Stages, BrightnessFollowsAShapeThatIsOdderStill) {
   const std::vector<StatisticDeclaration> images = {
       {"light.point_spread.ring.2", "point_spread_halo", "shape", "around sites", false},

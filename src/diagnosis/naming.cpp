@@ -322,14 +322,14 @@ Eigen::Index Naming::largest_as_it_was(const Model& model) const {
 }
 
 std::optional<Named> Naming::choose(std::span<Model> models) const {
-  std::vector<Model*> passed;
-  for (Model& model : models)
-    if (passes(model)) passed.push_back(&model);
-  if (std::all_of(passed.begin(), passed.end(), [&](const Model* one) { return !not_known(*one).empty(); }))
-    return {};
-  std::vector<Model*> beside;
-  for (Model& model : models)
-    if (!passes(model) && competes(model)) beside.push_back(&model);
+  std::vector<Model*> passed, beside;
+  for (Model& model : models) {
+    if (passes(model))
+      (not_known(model).empty() ? passed : beside).push_back(&model);
+    else if (competes(model))
+      beside.push_back(&model);
+  }
+  if (passed.empty()) return {};
   return choose_among(std::move(passed), beside);
 }
 

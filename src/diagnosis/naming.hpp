@@ -75,8 +75,8 @@ class Naming {
   /// What of the model's effects its stacks show where it is to show, and the frames do not, in words; none:
   /// empty.
   std::string not_seen(const Model& model) const;
-  /// What its effects are known by and the frames do not show, in words; none: empty. It is not named then
-  /// unless another model passes as well, which it is told apart from.
+  /// What its effects are known by and the frames do not show, in words; none: empty. It is not named then:
+  /// at most another model that passes is not told apart from it.
   std::string not_known(const Model& model) const;
   /// Of the models that pass the one that is by far the likeliest, or the first of several that the data
   /// cannot tell apart.

@@ -86,15 +86,17 @@ bool is_slope_of_noise(const StatisticDeclaration& one, bool darks) {
 }
 
 /// Columns or rows of other noise than their neighbours, not just more of it to one side: an amplifier each.
+/// The noise between images may be odder.
 bool lines_differ(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double beside = 0.5;
+  constexpr double clear = 8, beside = 0.8, sloping = 0.5;
   const auto lines = [](const StatisticDeclaration& one) {
     const std::string_view name = one.name;
     return !one.darks && has(one, ".temporal_maps.") &&
            (name.ends_with(".columns") || name.ends_with(".rows"));
   };
   const auto slopes = [](const auto& one) { return is_slope_of_noise(one, false); };
-  return foremost(battery, z, lines) && largest(battery, z, slopes) < beside * largest(battery, z, lines);
+  const double noise = largest(battery, z, lines);
+  return stands_out(noise, z, clear, beside) && largest(battery, z, slopes) < sloping * noise;
 }
 
 /// Mean and noise that slope across the frame with the shutter open, or fall off from the middle, while the

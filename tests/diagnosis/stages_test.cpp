@@ -228,6 +228,7 @@ TEST(Stages, ColumnsOfOtherNoiseAreTheSensors) {
     return stage_of_differences(columns, Eigen::Vector4d(noise, slope, sites, sites), {});
   };
   EXPECT_EQ(stage(18, 3, 17), "sensor");
+  EXPECT_EQ(stage(18, 3, 21), "sensor");
   EXPECT_EQ(stage(18, 14, 17), "scene");  // the light slopes
   EXPECT_EQ(stage(18, 3, 25), "scene");   // as sites differ
 }

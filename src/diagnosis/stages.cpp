@@ -254,6 +254,23 @@ bool light_gathers(const std::vector<StatisticDeclaration>& battery, const Eigen
          largest(battery, z, [](const auto& one) { return has(one, ".position."); }) < clear;
 }
 
+/// Pixels between the sites that go together with those on all sides of them, with the shutter open only, and
+/// have more noise than so much light all the time would have, which is odder than anything else: atoms
+/// there.
+bool light_comes_and_goes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.2, quiet = 4;
+  const auto near = [&](std::string_view way) {
+    return neighbours_in_light(".neighbours.dark.", way, battery, z);
+  };
+  double noise = 0;
+  for (std::size_t k = 0; k < battery.size(); ++k)
+    if (!battery[k].darks && has(battery[k], ".temporal_maps.by_light."))
+      noise = std::max(noise, z(static_cast<Eigen::Index>(k)));
+  return stands_out(noise, z, clear, 0.9) &&
+         stands_out(std::min(near("right_1"), near("down_1")), z, clear, beside) &&
+         largest(battery, z, [](const auto& one) { return one.darks && has(one, ".neighbours."); }) < quiet;
+}
+
 /// Occupied sites that have more noise than their light, in pixels that go together along rows and columns,
 /// while pixels that no site lights do not: how much more. 0 if not so.
 double noise_of_moving_images(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
@@ -570,6 +587,7 @@ constexpr Sign signs[] = {
     {"optics", images_move_together},
     {"scene", images_move_each},
     {"scene", light_gathers, true},
+    {"scene", light_comes_and_goes, true},
     {"optics", field_is_displaced},
     {"scene", sites_are_displaced},
 };

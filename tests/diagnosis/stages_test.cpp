@@ -318,6 +318,22 @@ TEST(Stages, ChargeThatGathersInLightOnlyIsAtoms) {
   EXPECT_NE(stage(90, 40, 1, 50), "scene");  // an image that moves
 }
 
+TEST(Stages, LightThatComesAndGoesBetweenTheSitesIsAtoms) {
+  const std::vector<StatisticDeclaration> between = {
+      {"light.temporal_maps.by_light.2", "mean_variance_curve", "intensity", "whole frame", false},
+      {"light.neighbours.dark.right_1", "horizontal_correlation", "space", "dark pixels", false},
+      {"light.neighbours.dark.down_1", "vertical_correlation", "space", "dark pixels", false},
+      {"dark.neighbours.dark.down_1", "vertical_correlation", "space", "dark pixels", true}};
+  const auto stage = [&](double noise, double right, double down, double darks) {
+    return stage_of_differences(between, Eigen::Vector4d(noise, right, down, darks), {});
+  };
+  EXPECT_EQ(stage(37, 21, 20, 1), "scene");
+  EXPECT_EQ(stage(-37, 21, 20, 1), "sensor");
+  EXPECT_EQ(stage(37, 21, 4, 1), "sensor");  // a trail
+  EXPECT_EQ(stage(37, 21, 20, 15), "sensor");
+  EXPECT_EQ(stage(18, 21, 20, 1), "sensor");
+}
+
 TEST(Stages, SitesThatLoadUnevenlyAreTheScenes) {
   const std::vector<StatisticDeclaration> filling = {
       {"light.sites.filling_by_site.spread", "site_histogram", "site", "all sites", false},

@@ -141,7 +141,8 @@ bool Naming::likelier(const Model& model) const {
 }
 
 bool Naming::takes_nearly_all(const Model& model) const {
-  return closed_by(model) >= least_closed_if_rejected && may_be(model) && odd_where_most_was(model).empty();
+  return closed_by(model) >= least_closed_if_rejected && may_be(model) && not_known(model).empty() &&
+         odd_where_most_was(model).empty();
 }
 
 bool Naming::may_be(const Model& model) const {
@@ -387,7 +388,7 @@ std::vector<double> Naming::odds_among(const std::vector<Model*>& models) const 
 std::optional<Named> Naming::nearest(std::span<Model> models) const {
   if (models.empty()) return {};
   Model& best = likeliest(models);
-  if (!takes_nearly_all(best) || !not_known(best).empty()) return {};
+  if (!takes_nearly_all(best)) return {};
   if (best.p_value < hardly_ever)
     return Named{&best, Verdict::partly_explained, 0.5 + 0.5 * closed_by(best), {}};
   std::vector<Model*> hardly_odd;

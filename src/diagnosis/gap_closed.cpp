@@ -32,24 +32,30 @@ double closed_in(const Eigen::VectorXd& units_before, const Eigen::VectorXd& uni
   return before > floor ? 1 - std::max(0.0, after - floor) / (before - floor) : 0;
 }
 
+/// Directions in which a model's own stacks scatter, a row each: `own`, by the root of how many there are.
+Eigen::MatrixXd directions_of(const Eigen::MatrixXd& own) {
+  return own / std::sqrt(static_cast<double>(std::max<Eigen::Index>(1, own.rows())));
+}
+/// How they go together, with noise of unit deviation in each.
+Eigen::LLT<Eigen::MatrixXd> scatter_in(const Eigen::MatrixXd& directions) {
+  Eigen::MatrixXd gram = directions * directions.transpose();
+  gram.diagonal().array() += 1;
+  return gram.llt();
+}
+
 /// What is left of deviations where all is taken off that the model's own stacks have together with others
 /// of their deviations (the mean of a normal law, given the frames, of so many directions and noise of unit
 /// deviation). `own`: of the model's own stacks, a row each, in the same units.
 Eigen::VectorXd without_common_scatter(const Eigen::VectorXd& z, const Eigen::MatrixXd& own) {
-  const Eigen::MatrixXd directions =
-      own / std::sqrt(static_cast<double>(std::max<Eigen::Index>(1, own.rows())));
-  Eigen::MatrixXd gram = directions * directions.transpose();
-  gram.diagonal().array() += 1;
-  return z - directions.transpose() * gram.llt().solve(directions * z);
+  const Eigen::MatrixXd directions = directions_of(own);
+  return z - directions.transpose() * scatter_in(directions).solve(directions * z);
 }
 
 /// Likewise of each of a model's own stacks, a row each, less what it has together with the others (the
 /// residuals of leaving one out, from the inverse of all).
 Eigen::MatrixXd each_without_common_scatter(const Eigen::MatrixXd& own) {
-  const auto stacks = static_cast<double>(std::max<Eigen::Index>(1, own.rows()));
-  Eigen::MatrixXd gram = own * own.transpose() / stacks;
-  gram.diagonal().array() += 1;
-  const Eigen::MatrixXd inverse = gram.llt().solve(Eigen::MatrixXd::Identity(gram.rows(), gram.cols()));
+  const Eigen::MatrixXd inverse =
+      scatter_in(directions_of(own)).solve(Eigen::MatrixXd::Identity(own.rows(), own.rows()));
   return inverse.diagonal().cwiseInverse().asDiagonal() * (inverse * own);
 }
 

@@ -244,7 +244,8 @@ std::optional<Found> Search::whole() {
     singles.push_back(std::move(model));
   if (const auto named = naming_.choose(singles)) return found(named);
   const Model& either = likeliest(singles);
-  std::erase_if(pairs.undecided, [&](const Model& pair) { return !preferred(pair, either); });
+  std::erase_if(pairs.undecided,
+                [&](const Model& pair) { return !likelier(pair, either) && !settles(pair, either); });
   if (const auto named = naming_.choose(pairs.undecided)) return found(named);
   std::vector<Model> more;
   if (!pairs.both_needed.empty()) more = triples(likeliest(pairs.both_needed));
@@ -393,7 +394,7 @@ Search::Pairs Search::pairs(std::span<Model> singles) {
       if (Model alone = only(model, needed); !judged_about(alone, singles))
         pairs.needed_alone.push_back({needed.front() + ", of " + title(model), std::move(alone),
                                       scan_of(needed.front()).best().log_likelihood});
-    if (preferred(model, left_alone)) pairs.undecided.push_back(std::move(model));
+    if (better || settles(model, left_alone)) pairs.undecided.push_back(std::move(model));
   }
   return pairs;
 }
@@ -414,7 +415,7 @@ std::vector<Model> Search::triples(const Model& pair) {
         list.push_back(std::move(model));
     } else if (naming_.passes(model)) {
       if (needed.size() == 2) fewer.push_back({title(model) + ", of three", only(model, needed), 0});
-      if (preferred(model, pair)) undecided.push_back(std::move(model));
+      if (better || settles(model, pair)) undecided.push_back(std::move(model));
     }
   }
   for (Model& model : fit_and_judge(std::move(fewer), 0.85, 0.86))
@@ -610,9 +611,8 @@ bool Search::likelier(const Model& model, const Model& fewer) const {
   return Rivals(model, fewer).odds(as_vector(ground_.real.values->whole)) > more_odds;
 }
 
-/// Likelier, or fewer effects cannot be right about something, and most of that is gone with one more.
-bool Search::preferred(const Model& model, const Model& fewer) const {
-  if (likelier(model, fewer)) return true;
+/// Fewer effects cannot be right about something, and most of that is gone with one more.
+bool Search::settles(const Model& model, const Model& fewer) const {
   const Eigen::Index left = naming_.contradicted(fewer) ? naming_.left_by(fewer) : -1;
   return left >= 0 && std::fabs(model.z(left)) < 0.5 * std::fabs(fewer.z(left));
 }

@@ -116,7 +116,7 @@ class Search {
   Model with(const Model& before, const Scan& scan, const Eigen::VectorXd& about);
   Model only(const Model& model, const std::vector<std::string>& names) const;
   bool likelier(const Model& model, const Model& fewer) const;
-  bool preferred(const Model& model, const Model& fewer) const;
+  bool settles(const Model& model, const Model& fewer) const;
   void note(const Model& model, double evidence);
 
   SearchGround ground_;

@@ -214,6 +214,11 @@ double neighbours_in_light(std::string_view where, std::string_view way,
   });
 }
 
+/// Likewise on any side, with the shutter closed.
+double neighbours_in_darks(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  return largest(battery, z, [](const auto& one) { return one.darks && has(one, ".neighbours."); });
+}
+
 /// Pixels that go together with their neighbours whether the shutter is open or closed: what is read out of
 /// one is also of the other.
 bool pixels_share_noise(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
@@ -268,7 +273,7 @@ bool light_comes_and_goes(const std::vector<StatisticDeclaration>& battery, cons
       noise = std::max(noise, z(static_cast<Eigen::Index>(k)));
   return stands_out(noise, z, clear, 0.9) &&
          stands_out(std::min(near("right_1"), near("down_1")), z, clear, beside) &&
-         largest(battery, z, [](const auto& one) { return one.darks && has(one, ".neighbours."); }) < quiet;
+         neighbours_in_darks(battery, z) < quiet;
 }
 
 /// Occupied sites that have more noise than their light, in pixels that go together along rows and columns,
@@ -283,10 +288,8 @@ double noise_of_moving_images(const std::vector<StatisticDeclaration>& battery, 
       std::min(neighbours(".neighbours.all.", "right_1"), neighbours(".neighbours.all.", "down_1"));
   const double dark =
       std::max(neighbours(".neighbours.dark.", "right_1"), neighbours(".neighbours.dark.", "down_1"));
-  const double closed =
-      largest(battery, z, [](const auto& one) { return one.darks && has(one, ".neighbours."); });
-  const bool moving =
-      stands_out(noise, z, clear, beside) && lit > along * noise && std::max(dark, closed) < beside * lit;
+  const bool moving = stands_out(noise, z, clear, beside) && lit > along * noise &&
+                      std::max(dark, neighbours_in_darks(battery, z)) < beside * lit;
   return moving ? noise : 0;
 }
 

@@ -191,8 +191,8 @@ class Diagnoser {
 
   void conclude() {
     how_far();
-    if (have_final_ && closes_too_little(result_.gap, final_, plain_)) withdraw();
-    // A name is what frames confirm that it was not fitted to.
+    // A name is what frames confirm that it was not fitted to. A rare event may be in the other half only.
+    if (have_final_ && result_.gap.shows && closes_too_little(result_.gap, final_, plain_)) withdraw();
     if (result_.verdict == Verdict::explained && !result_.gap.shows) result_.verdict = Verdict::ambiguous;
     tell_apart();
     if (!options_.where_only) ask_others();

@@ -43,12 +43,18 @@ Eigen::LLT<Eigen::MatrixXd> scatter_in(const Eigen::MatrixXd& directions) {
   return gram.llt();
 }
 
+/// Of deviations with and without what is common, each time the smaller: rare events are far off together in
+/// a few stacks, by no fixed ratio, and what they lead to expect elsewhere may be wrong.
+Eigen::MatrixXd smaller_of(const Eigen::MatrixXd& with, const Eigen::MatrixXd& without) {
+  return (without.array().abs() < with.array().abs()).select(without, with);
+}
+
 /// What is left of deviations where all is taken off that the model's own stacks have together with others
 /// of their deviations (the mean of a normal law, given the frames, of so many directions and noise of unit
 /// deviation). `own`: of the model's own stacks, a row each, in the same units.
 Eigen::VectorXd without_common_scatter(const Eigen::VectorXd& z, const Eigen::MatrixXd& own) {
   const Eigen::MatrixXd directions = directions_of(own);
-  return z - directions.transpose() * scatter_in(directions).solve(directions * z);
+  return smaller_of(z, z - directions.transpose() * scatter_in(directions).solve(directions * z));
 }
 
 /// Likewise of each of a model's own stacks, a row each, less what it has together with the others (the
@@ -56,7 +62,7 @@ Eigen::VectorXd without_common_scatter(const Eigen::VectorXd& z, const Eigen::Ma
 Eigen::MatrixXd each_without_common_scatter(const Eigen::MatrixXd& own) {
   const Eigen::MatrixXd inverse =
       scatter_in(directions_of(own)).solve(Eigen::MatrixXd::Identity(own.rows(), own.rows()));
-  return inverse.diagonal().cwiseInverse().asDiagonal() * (inverse * own);
+  return smaller_of(own, inverse.diagonal().cwiseInverse().asDiagonal() * (inverse * own));
 }
 
 /// By what a model's deviations are multiplied to be in units of the plain model's; 0 where one has none.
@@ -66,16 +72,18 @@ Eigen::VectorXd in_plain_units(const Standard& model, const Standard& plain) {
 }
 
 /// No farther than the plain model's own stacks from it; or than most of this model's own from each other,
-/// which may scatter farther in no common direction, too.
+/// which may scatter farther in no common direction, too: not much, or hardly anything of the gap.
 bool differs_as_own_stacks(const Model& model, const Model& plain, const Eigen::VectorXd& mask) {
   constexpr double usual = 0.99, most = 0.9;  // part of own stacks
   constexpr double farthest = 2;              // times as far as the plain model's
+  constexpr double hardly_any = 0.01;         // of the gap
   const Eigen::VectorXd units = in_plain_units(*model.standard, *plain.standard).cwiseProduct(mask);
   const Eigen::MatrixXd stacks = model.standard->own() * units.asDiagonal();
   const double left = gap_of(without_common_scatter(model.z.cwiseProduct(units), stacks));
   const double as_plain = Floor(plain.standard->own(), mask).at(usual);
-  return left < as_plain ||
-         (left < farthest * as_plain && left < Floor(each_without_common_scatter(stacks)).at(most));
+  const double far = std::max(farthest * as_plain,
+                              hardly_any * gap_of(plain.z.cwiseProduct((units.array() > 0).select(mask, 0))));
+  return left < as_plain || (left < far && left < Floor(each_without_common_scatter(stacks)).at(most));
 }
 
 /// By that stack of the model's own which comes nearest to the frames, in the plain model's units.

@@ -27,6 +27,7 @@ constexpr double least_evidence = 4;           // log likelihood: a little scatt
 constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model alone, of one beside it
 constexpr double hardly_any = 0.04;            // part of a model's own stacks
 constexpr double shows = 0.9;                  // part of the plain model's stacks that have less
+constexpr double large = 30;                   // deviations: beyond, one is as good as another
 
 /// Far more than its own stacks have, and not just the last digits of a law, by any of these stacks: no
 /// effect of the catalogue is right to all digits. Stacks that scatter widely are not odd with it, but
@@ -46,7 +47,6 @@ std::vector<std::string> observables_of(const std::vector<std::string>& effects)
 
 /// A few large deviations are not everything.
 Eigen::VectorXd no_larger(const Eigen::VectorXd& z) {
-  constexpr double large = 30;
   return z.cwiseMin(large).cwiseMax(-large);
 }
 
@@ -244,16 +244,16 @@ std::string Naming::odd_where_most_was(const Model& model) const {
 }
 
 /// Frames may fit a model in what its effects do not touch: other stacks scatter otherwise by chance, and its
-/// calibration may go farther.
+/// calibration may go farther. How far off a few rare events are (rays that hit an atom's image) is chance.
 Eigen::Index Naming::foreign_to(const Model& model) const {
   constexpr double clear = 5, beside = 0.6, as_odd = 0.5;  // of the oddest; of the frames' deviation
   Eigen::Index at = -1;
   if (!model.explains.empty()) return at;
   double oddest = std::max(clear, beside * plain_.z.cwiseAbs().maxCoeff());
   for (Eigen::Index i = 0; i < plain_.z.size(); ++i) {
-    const double z = plain_.z(i);
+    const double z = plain_.z(i), far = as_odd * std::min(std::fabs(z), large);
     if (std::fabs(z) <= oddest) continue;
-    const auto reach = (model.from_plain.col(i).array() * z > as_odd * z * z).count();
+    const auto reach = (model.from_plain.col(i).array() * std::copysign(1, z) > far).count();
     if (static_cast<double>(reach) >= hardly_any * static_cast<double>(model.from_plain.rows())) continue;
     oddest = std::fabs(z);
     at = i;

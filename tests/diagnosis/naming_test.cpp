@@ -66,6 +66,8 @@ class Naming : public testing::Test {
     plain_.z(moved) =
         model.z(moved) * model.standard->deviation()(moved) / plain_.standard->deviation()(moved);
   }
+  /// What the frames have far off is so far off.
+  void push(double by) { plain_.z.head(moved).setConstant(by); }
   /// The frames are as usual in the rest.
   void calm_the_rest() { plain_.z.tail(statistics - moved).setConstant(1); }
   /// What the frames have far off is an observable.
@@ -247,6 +249,15 @@ TEST_F(Naming, NothingOddIsForeignToWhatExplainsIt) {
   found.p_value = 0.5;
   found.from_plain.col(3).head(5).array() += gap;
   EXPECT_TRUE(naming().passes(found)) << naming().objection(found);
+}
+
+// Of a few rays one hits the image of an atom, or none does: by how much is chance.
+TEST_F(Naming, WhatIsFarOffMayBeFartherOffThanInOwnStacks) {
+  const Model found = model({"cosmic_rays"}, 1, 0.5);
+  push(100 * gap);
+  EXPECT_TRUE(naming().passes(found)) << naming().objection(found);
+  push(-100 * gap);
+  EXPECT_EQ(naming().objection(found), "does not touch ");
 }
 
 // An image that drifts is wider on the mean, which passes for defocus.

@@ -120,13 +120,15 @@ ClosedByAll closed_by_all(const Model& model, const Model& plain, const Eigen::V
   return {closed_in(mask, mask, model, plain), true, seen};
 }
 
+constexpr double shown = 0.95;  // part of own stacks that have less than a gap that shows
+
 /// What the plain model leaves of held-out frames; all else is as if nothing were found.
 GapClosed left_by(const Standard& plain, const Eigen::VectorXd& z) {
   const Floor floor(plain.own());
   GapClosed gap;
   gap.before = gap.after = gap_of(z);
   gap.floor = floor.at(0.5);
-  gap.shows = gap.before > floor.at(0.95);
+  gap.shows = gap.before > floor.at(shown);
   return gap;
 }
 
@@ -148,13 +150,14 @@ class HeldOut {
     shows_ = left_by(before_, z_before_).shows;
     z_after_ = after_.judge(statistics, values);
     const Eigen::VectorXd in_common = z_before_.cwiseProduct(in_larger_units(before_, after_));
+    const Eigen::VectorXd units = in_larger_units(after_, before_);
+    const double left = gap_of(in_common);
     if (closed_by_all(found, plain, only_of(found.explains, battery)).in_own_units ||
-        gap_of(in_common) < hidden * gap_of(z_before_)) {
+        left < hidden * gap_of(z_before_) || (shows_ && left < Floor(own_, units).at(shown))) {
       grant_scatter();
       return;
     }
     z_before_ = in_common;
-    const Eigen::VectorXd units = in_larger_units(after_, before_);
     z_after_ = z_after_.cwiseProduct(units);
     own_ = own_ * units.asDiagonal();
   }

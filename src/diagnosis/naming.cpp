@@ -100,9 +100,6 @@ bool closes_too_little(const GapClosed& held_out, const Model& found, const Mode
 }
 
 std::vector<FoundEffect> found_effects(const Named& named) {
-  // Stacks about the place that was found do not know how it was come to, nor of what else is a little wrong:
-  // of sealed strengths six in ten lie within one of their errors.
-  constexpr double wider = 1.2;
   const Model& model = *named.model;
   std::vector<FoundEffect> list;
   for (const std::string& name : model.effects) {
@@ -117,7 +114,7 @@ std::vector<FoundEffect> found_effects(const Named& named) {
         const Uncertain& one = model.open[k];
         if (one.name != key) continue;
         const auto at = static_cast<Eigen::Index>(k);
-        const double c = one.within(model.estimate(at)), error = wider * model.error(at);
+        const double c = one.within(model.estimate(at)), error = model.error(at);
         // An angle's interval goes on beyond the bounds, where it comes round again.
         // The smallest size that is looked for is as good as none: an interval that reaches it reaches none.
         const bool none = one.cycle == 0 && c - error <= one.lowest && one.least == one.lowest;

@@ -177,6 +177,38 @@ TEST(GapClosed, AGapShowsWhereHeldOutFramesHaveMoreThanNineteenInTwentyStacks) {
   EXPECT_GT(shown(7), 0.95 * times);
 }
 
+// A small one of an effect that comes out differently every time: in its own stacks' units it would be none.
+TEST(GapClosed, WhatShowsIsTheGapThatIsClosed) {
+  std::mt19937 random(4);
+  std::normal_distribution<double> normal;
+  const auto made = [&](double scatter) {
+    Model model;
+    model.population.draws = Eigen::MatrixXd::NullaryExpr(stacks, 1, [&] { return normal(random); });
+    for (Eigen::MatrixXd* part :
+         {&model.population.whole, &model.population.part[0], &model.population.part[1]}) {
+      *part = Eigen::MatrixXd::NullaryExpr(stacks, statistics, [&] { return normal(random); });
+      for (Eigen::Index n = 0; n < stacks; ++n)
+        part->row(n).head(moved).array() += scatter * std::fabs(normal(random));
+    }
+    model.open.resize(1);
+    model.first_effect_parameter = 1;
+    model.standard = std::make_unique<Standard>(model.population, Part::whole);
+    model.z = Eigen::VectorXd::Zero(statistics);
+    return model;
+  };
+  const Model plain = made(0), found = made(4);
+  Eigen::VectorXd half =
+      Eigen::VectorXd::NullaryExpr(statistics, [](Eigen::Index i) { return i % 2 ? 1.6 : -1.6; });
+  half.head(moved).setConstant(2.4);
+  BatteryValues real;
+  real.part[0].assign(half.begin(), half.end());
+  real.part[1] = real.part[0];
+  const GapClosed gap = gap_closed(found, plain, real, std::vector<StatisticDeclaration>(statistics));
+  EXPECT_TRUE(gap.shows);
+  EXPECT_GT(gap.before, 4);
+  EXPECT_GT(gap.closed, 0.9);
+}
+
 /// Root mean square by which what half of the frames says of an effect misses the truth, in widths of the
 /// draws. `slope`: of each statistic, per width, in deviations of its noise.
 double missed_by_half(double slope) {

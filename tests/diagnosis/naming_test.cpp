@@ -96,7 +96,7 @@ TEST(FoundEffects, TheSmallestSizeThatIsLookedForIsAsGoodAsNone) {
   model.effects = {"bias_drift"};
   model.open = effect_prior(*find_effect("bias_drift"), 64, 150);
   model.estimate.resize(3);
-  model.error = Eigen::VectorXd::Constant(3, 0.1 / 1.2);  // told 1.2 times as wide
+  model.error = Eigen::VectorXd::Constant(3, 0.1);
   for (Eigen::Index k = 0; k < 3; ++k) model.estimate(k) = model.open[static_cast<std::size_t>(k)].centre;
   const auto parameters = [&] {
     return found_effects({.model = &model, .confusable_with = {}}).front().parameters;

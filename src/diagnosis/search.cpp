@@ -400,11 +400,12 @@ Search::Pairs Search::pairs(std::span<Model> singles) {
 }
 
 /// A third effect on top of the pair, by the rule that pairs are judged by, and much likelier: three bend to
-/// more than two. Where one of the three is not needed then, the other two, or if these do not explain it,
-/// all the same the three: strengths of what is few and large or many and small are not known well.
+/// more than two. Where one of the three is not needed then, the other two, also if they explain it without
+/// strengths that are known, or if these do not explain it, all the same the three: strengths of what is few
+/// and large or many and small are not known well.
 std::vector<Model> Search::triples(const Model& pair) {
   constexpr std::size_t most = 2;
-  std::vector<Model> list, undecided;
+  std::vector<Model> list, two, undecided;
   std::vector<Contender> fewer;
   for (Model& model :
        fit_and_judge(with_another(pair, most, second_evidence), 0.84, 0.85, {.fewer = pair.distance})) {
@@ -418,10 +419,14 @@ std::vector<Model> Search::triples(const Model& pair) {
       if (better || settles(model, pair)) undecided.push_back(std::move(model));
     }
   }
-  for (Model& model : fit_and_judge(std::move(fewer), 0.85, 0.86))
-    if (all_significant(model)) list.push_back(std::move(model));
+  for (Model& model : fit_and_judge(std::move(fewer), 0.85, 0.86)) {
+    if (all_significant(model))
+      list.push_back(std::move(model));
+    else if (naming_.passes(model))
+      two.push_back(std::move(model));
+  }
   if (std::none_of(list.begin(), list.end(), [&](const Model& model) { return naming_.passes(model); }))
-    for (Model& model : undecided) list.push_back(std::move(model));
+    for (Model& model : two.empty() ? undecided : two) list.push_back(std::move(model));
   return list;
 }
 

@@ -92,15 +92,9 @@ class Race {
     std::size_t followed = most_followed;
     while (followed < contenders_.size() && contenders_[followed].model.distance < like_own) ++followed;
     // What the scan has first may be on its way still.
-    const auto rest =
-        contenders_.begin() + static_cast<std::ptrdiff_t>(std::min(followed, contenders_.size()));
-    const auto first = std::max_element(
-        contenders_.begin(), contenders_.end(),
-        [](const Contender& one, const Contender& other) { return one.evidence < other.evidence; });
-    if (first >= rest && rest != contenders_.end()) {
-      std::iter_swap(first, rest);
-      ++followed;
-    }
+    const auto likeliest = std::ranges::max_element(contenders_, {}, &Contender::evidence);
+    if (const auto at = static_cast<std::size_t>(likeliest - contenders_.begin()); at >= followed)
+      std::swap(contenders_[followed++], contenders_[at]);
     if (contenders_.size() > followed) contenders_.resize(followed);
   }
 

@@ -192,8 +192,10 @@ class Diagnoser {
   void conclude() {
     how_far();
     // A name is what frames confirm that it was not fitted to. A rare event may be in the other half only.
-    if (have_final_ && result_.gap.shows && closes_too_little(result_.gap, final_, plain_)) withdraw();
-    if (have_final_ && !result_.gap.shows) result_.verdict = Verdict::ambiguous;
+    if (have_final_ && !result_.gap.shows)
+      result_.verdict = Verdict::ambiguous;
+    else if (have_final_ && closes_too_little(result_.gap, final_, plain_))
+      withdraw();
     tell_apart();
     if (!options_.where_only) ask_others();
     result_.where = ranked_differences(declarations_, plain_.z, plain_.standard->tolerated(plain_.z),

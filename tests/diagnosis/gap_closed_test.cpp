@@ -65,13 +65,6 @@ class MadeUp {
   bool rare_event_differs_as_own(double beside) {
     constexpr double far = 1000;
     constexpr Eigen::Index many = 400;
-    const auto of_stacks = [&](Eigen::MatrixXd all) {
-      Model made;
-      made.population.draws = noise(1);
-      made.population.whole = std::move(all);
-      made.standard = std::make_unique<Standard>(made.population, Part::whole);
-      return made;
-    };
     Eigen::MatrixXd rare = noise(many);
     rare.row(0).head(moved).array() += far;
     rare.row(0).segment(moved, moved).array() += far / 6;
@@ -88,14 +81,7 @@ class MadeUp {
   /// scatters so many times as far as the plain one.
   int differing_as_own(double scatter, double frames) {
     constexpr Eigen::Index many = 400;
-    const auto rough = [&](double times) {
-      Model made;
-      made.population.draws = noise(1);
-      made.population.whole = times * noise(many);
-      made.standard = std::make_unique<Standard>(made.population, Part::whole);
-      return made;
-    };
-    Model plain = rough(1), model = rough(scatter);
+    Model plain = of_stacks(noise(many)), model = of_stacks(scatter * noise(many));
     int count = 0;
     for (int n = 0; n < 20; ++n) {
       const Eigen::VectorXd real = frames * noise(many).row(0).transpose();
@@ -107,6 +93,13 @@ class MadeUp {
   }
 
  private:
+  Model of_stacks(Eigen::MatrixXd all) {
+    Model made;
+    made.population.draws = noise(1);
+    made.population.whole = std::move(all);
+    made.standard = std::make_unique<Standard>(made.population, Part::whole);
+    return made;
+  }
   Eigen::MatrixXd noise(Eigen::Index columns) {
     return Eigen::MatrixXd::NullaryExpr(stacks, columns, [&] { return normal_(random_); });
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include "analysis/fourier.hpp"
 #include "analysis/series.hpp"
@@ -364,6 +365,21 @@ class SiteBrightness : public Family {
     sheet.put("memory.afterglow", ok(afterglow / std::sqrt((afterglow_pairs + 1) * empty_variance)));
     // And what a frame that is not read out yet gets of the next exposure.
     sheet.put("memory.foreglow", ok(foreglow / std::sqrt((foreglow_pairs + 1) * empty_variance)));
+
+    // Light at empty sites against the atoms that were there over some ten frames, more than at other sites.
+    constexpr double stays = 0.9;
+    std::vector<double> been(sites);
+    double persistence = 0, been_square = 0;
+    for (std::size_t n = 0; n < record.frames; ++n) {
+      const bool here = record.holds(which, n);
+      const double mean = std::accumulate(been.begin(), been.end(), 0.0) / static_cast<double>(sites);
+      for (std::size_t s = 0; s < sites; ++s) {
+        const double b = here ? record.bright(n, s) : 0, more = been[s] - mean;
+        if (here && b < 0.25) persistence += (b - site_empty[s]) * more, been_square += more * more;
+        been[s] = stays * been[s] + (b > core_from);
+      }
+    }
+    sheet.put("memory.persistence", ok(persistence / std::sqrt((been_square + 1) * empty_variance)));
   }
 
  private:

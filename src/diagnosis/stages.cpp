@@ -188,7 +188,7 @@ bool all_light_goes_along(const std::vector<StatisticDeclaration>& battery, cons
 /// The sites' light varies from frame to frame and the noise of what little light there is beside them, but
 /// not its level: it is what multiplies both.
 bool gain_flickers(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 8, beside = 0.4, seen = 5, quiet = 0.3;
+  constexpr double clear = 8, beside = 0.4, seen = 4.5, quiet = 0.3;
   const double noise = deviation_of("light.frames.noise.variance", battery, z);
   return stands_out(light_of_sites(battery, z), z, clear, beside) && noise > seen &&
          level_of_light(battery, z) < std::max(3.0, quiet * noise);
@@ -261,12 +261,22 @@ bool light_gathers(const std::vector<StatisticDeclaration>& battery, const Eigen
 
 /// Pixels between the sites that go together with those on all sides of them, with the shutter open only, and
 /// have more noise than so much light all the time would have, which is odder than anything else: atoms
-/// there.
+/// there. Or they are lit by the sites as well and go together as far as images reach, and what is around
+/// empty sites has more noise than what is around occupied ones.
 bool light_comes_and_goes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, beside = 0.2, quiet = 4;
   const auto near = [&](std::string_view way) {
     return neighbours_in_light(".neighbours.dark.", way, battery, z);
   };
+  const auto lit = [&](std::string_view way) {
+    return neighbours_in_light(".neighbours.all.", way, battery, z);
+  };
+  const double empty = deviation_of("light.image_noise.empty.wing", battery, z);
+  if (stands_out(empty, z, clear, beside) &&
+      empty > deviation_of("light.image_noise.occupied.wing", battery, z) &&
+      stands_out(std::min(lit("right_2"), lit("down_2")), z, clear, beside) &&
+      neighbours_in_darks(battery, z) < quiet)
+    return true;
   double noise = 0;
   for (std::size_t k = 0; k < battery.size(); ++k)
     if (!battery[k].darks && has(battery[k], ".temporal_maps.by_light."))
@@ -276,14 +286,24 @@ bool light_comes_and_goes(const std::vector<StatisticDeclaration>& battery, cons
          neighbours_in_darks(battery, z) < quiet;
 }
 
+/// How the common position of the images varies along the stack.
+double motion_in_common(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  return largest(battery, z, [](const StatisticDeclaration& one) {
+    return has(one, ".position.") && std::string_view(one.name).ends_with(".variance");
+  });
+}
+
 /// Occupied sites that have more noise than their light, in pixels that go together along rows and columns,
-/// while pixels that no site lights do not: how much more. 0 if not so.
+/// less clearly if their common position varies as that of sites that move by themselves does, while pixels
+/// that no site lights do not: how much more. 0 if not so.
 double noise_of_moving_images(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 8, beside = 0.4, along = 0.3;
+  constexpr double clear = 8, beside = 0.4;
   const auto neighbours = [&](std::string_view where, std::string_view way) {
     return neighbours_in_light(where, way, battery, z);
   };
-  const double noise = deviation_of("light.image_noise.occupied.core", battery, z);
+  const double noise = deviation_of("light.image_noise.occupied.core", battery, z),
+               position = motion_in_common(battery, z);
+  const double along = position > clear && position < 0.5 * noise ? 0.15 : 0.3;
   const double lit =
       std::min(neighbours(".neighbours.all.", "right_1"), neighbours(".neighbours.all.", "down_1"));
   const double dark =
@@ -306,11 +326,8 @@ bool width_follows_field(const std::vector<StatisticDeclaration>& battery, const
 /// Images that move all together, or about the middle of the array, which stays, or the more the farther out
 /// they are. Or their common position varies more than anything else is odd.
 bool images_move_together(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double together = 1, middle_stays = 0.3;
-  const double noise = noise_of_moving_images(battery, z);
-  const double position = largest(battery, z, [](const auto& one) {
-    return has(one, ".position.") && std::string_view(one.name).ends_with(".variance");
-  });
+  constexpr double together = 1, middle_stays = 0.15;
+  const double noise = noise_of_moving_images(battery, z), position = motion_in_common(battery, z);
   return (noise > 0 && (position > together * noise || position < middle_stays * noise ||
                         width_follows_field(battery, z))) ||
          foremost(battery, z, [](const auto& one) { return has(one, ".position."); });
@@ -376,26 +393,41 @@ bool empty_sites_glow(const std::vector<StatisticDeclaration>& battery, const Ei
 bool empty_sites_remember(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 5, builds_up = 3;
   return (deviation_of("light.sites.memory.afterglow", battery, z) > clear ||
+          deviation_of("light.sites.memory.persistence", battery, z) > clear ||
           deviation_of("light.sites.memory.foreglow", battery, z) > clear ||
           deviation_of("light.frames.level.first_frames", battery, z) < -builds_up ||
           deviation_of("light.sites.common.first_frames", battery, z) < -builds_up) &&
-         empty_sites_hold_light(battery, z,
-                                [](const auto& one) { return one.observable == "lag_correlation"; });
+         empty_sites_hold_light(battery, z, [](const auto& one) {
+           return one.observable == "lag_correlation" || one.name == "light.sites.empty.variance";
+         });
 }
 
 /// Sites that hold an atom more or less often than others, or than before: loading. The light's level and its
-/// noise follow; nothing behind the atoms does this.
+/// noise follow, whose differences between parts of the frame may be odder; nothing behind the atoms does
+/// this.
 bool loading_stands_out(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 8, clear_along = 4.5;
+  constexpr double clear = 8, clear_along = 4.5, beside = 0.9, of_noise = 0.7;
+  const auto noise = [](const StatisticDeclaration& one) {
+    const std::string_view name = one.name;
+    return is_slope_of_noise(one, false) ||
+           (!one.darks && has(one, ".temporal_maps.") &&
+            (name.ends_with(".crosswise") || name.ends_with(".rows") || name.ends_with(".columns")));
+  };
   const auto by_site = [](const auto& one) { return has(one, ".sites.filling_by_site."); };
+  const auto others = [&](const auto& one) { return !noise(one) && !by_site(one); };
   const auto along_the_stack = [](const auto& one) { return has(one, ".sites.loading."); };
-  return foremost(battery, z, by_site, clear) || foremost(battery, z, along_the_stack, clear_along);
+  const double differ = largest(battery, z, by_site);
+  return differ >
+             std::max({clear, beside * largest(battery, z, others), of_noise * largest(battery, z, noise)}) ||
+         foremost(battery, z, along_the_stack, clear_along);
 }
 
 /// Neighbours, rows or columns that hold atoms together more or less often than chance has it: the noise
-/// slopes as they do, and no light comes and goes by site.
+/// slopes as they do, and may be a little odder, and no light comes and goes by site.
 bool atoms_load_together(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  return foremost(battery, z, [](const auto& one) { return has(one, ".sites.pairs.occupancy_"); });
+  constexpr double clear = 8, beside = 0.85;
+  return stands_out(largest(battery, z, [](const auto& one) { return has(one, ".sites.pairs.occupancy_"); }),
+                    z, clear, beside);
 }
 
 /// Light on one side of the images, and on the same side less than none farther out, where what is left of
@@ -414,12 +446,14 @@ bool spots_double(const std::vector<StatisticDeclaration>& battery, const Eigen:
 }
 
 /// Occupied sites whose light varies less than the shot noise of so much of it, in their images' middle and
-/// in their sums: no light does that. The bright values are compressed or cut off.
+/// in their sums or in the pixels that have most of it: no light does that. The bright values are compressed
+/// or cut off, or flow over, which changes the images' shape and is odder there.
 bool light_is_too_calm(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
-  constexpr double clear = 6, beside = 0.5;
-  const double calm = std::min(-deviation_of("light.image_noise.occupied.core", battery, z),
-                               -deviation_of("light.sites.peak.variance_within_sites", battery, z));
-  return stands_out(calm, z, clear, beside);
+  constexpr double clear = 6, beside = 0.5, beside_shape = 0.25;
+  const double core = -deviation_of("light.image_noise.occupied.core", battery, z);
+  const double sums = std::min(core, -deviation_of("light.sites.peak.variance_within_sites", battery, z)),
+               pixels = std::min(core, -deviation_of("light.temporal_maps.by_light.5", battery, z));
+  return stands_out(sums, z, clear, beside) || stands_out(pixels, z, clear, beside_shape);
 }
 
 /// Images of some sites in which one pixel answers otherwise than those around it: no lens does that.
@@ -569,11 +603,11 @@ constexpr Sign signs[] = {
     {"sensor", gain_flickers},
     {"sensor", all_light_goes_along, true},
     {"optics", light_flickers, true},
-    {"sensor", halves_differ},
     {"scene", atoms_load_together},
+    {"scene", loading_stands_out},
+    {"sensor", halves_differ},
     {"optics", light_slopes, true},
     {"optics", light_ripples, true},
-    {"scene", loading_stands_out},
     {"sensor", charge_smears},
     {"sensor", light_is_too_calm},
     {"sensor", pixels_answer_otherwise},

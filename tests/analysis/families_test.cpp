@@ -536,6 +536,20 @@ std::vector<Case> cases() {
                   false,
                   faint_and_wide,
                   {"light.focus.width.against_brightness"}});
+  auto glowing = std::make_shared<std::vector<double>>();
+  list.push_back({"light that fades over many frames",
+                  true,
+                  false,
+                  {.counts =
+                       [glowing](std::size_t n, std::vector<double>& counts) {
+                         if (n == 0) glowing->assign(counts.size(), 0.0);
+                         for (std::size_t i = 0; i < counts.size(); ++i) {
+                           const double now = counts[i] - 200;
+                           counts[i] += 0.003 * (*glowing)[i];
+                           (*glowing)[i] = 0.95 * (*glowing)[i] + now;
+                         }
+                       }},
+                  {"light.sites.memory.persistence"}});
   return list;
 }
 

@@ -354,7 +354,23 @@ TEST(Stages, SitesThatLoadTogetherAreTheScenesThoughTheNoiseSlopesWithThem) {
       {"light.temporal_maps.radial", "variance_map", "space", "whole frame", false},
       {"dark.temporal_maps.radial", "variance_map", "space", "whole frame", true}};
   EXPECT_EQ(stage_of_differences(loading, Eigen::Vector3d(16, -15, 1), {}), "scene");
+  EXPECT_EQ(stage_of_differences(loading, Eigen::Vector3d(9.1, -10.4, 1), {}), "scene");
   EXPECT_EQ(stage_of_differences(loading, Eigen::Vector3d(12, -15, 1), {}), "optics");
+}
+
+TEST(Stages, SitesThatLoadLessThanOthersAreTheScenesThoughTheNoiseDiffersWithThem) {
+  const std::vector<StatisticDeclaration> loading = {
+      {"light.sites.filling_by_site.spread", "site_histogram", "site", "all sites", false},
+      {"light.temporal_maps.gradient_y", "variance_map", "space", "whole frame", false},
+      {"light.temporal_maps.left_right", "variance_map", "space", "whole frame", false},
+      {"light.static_charge.left_right", "mean_map", "space", "whole frame", false}};
+  const auto stage = [&](double filling, double slope, double halves, double mean) {
+    return stage_of_differences(loading, Eigen::Vector4d(filling, slope, halves, mean), {});
+  };
+  EXPECT_EQ(stage(8.6, 11.3, -9.9, 3), "scene");
+  EXPECT_EQ(stage(8.6, 6, -19, 3), "sensor");
+  EXPECT_EQ(stage(7, 6, -19, 3), "sensor");
+  EXPECT_EQ(stage(8.6, 11.3, -9.9, 20), "sensor");
 }
 
 TEST(Stages, SitesThatLoadEverLessAreTheScenes) {
@@ -382,11 +398,15 @@ TEST(Stages, EmptySitesThatGlowAndNothingElseAreOfTheOptics) {
       {"light.frames.level.first_frames", "frame_means", "time", "dark pixels", false},
       {"light.sites.memory.foreglow", "lag_correlation", "time", "all sites", false},
       {"light.frames.alike", "lag_correlation", "time", "whole frame", false},
-      {"light.sites.common.first_frames", "brightness_series", "time", "occupied sites", false}};
+      {"light.sites.common.first_frames", "brightness_series", "time", "occupied sites", false},
+      {"light.sites.memory.persistence", "lag_correlation", "time", "all sites", false},
+      {"light.sites.empty.variance", "site_histogram", "intensity", "all sites", false}};
   const auto stage = [&](double empty, double partial, double afterglow = 0, double first_frames = 0,
-                         double foreglow = 0, double alike = 0, double sites_first = 0) {
-    Eigen::VectorXd z(10);
-    z << empty, 15, partial, afterglow, 3, 8, first_frames, foreglow, alike, sites_first;
+                         double foreglow = 0, double alike = 0, double sites_first = 0,
+                         double persistence = 0, double empty_variance = 0) {
+    Eigen::VectorXd z(12);
+    z << empty, 15, partial, afterglow, 3, 8, first_frames, foreglow, alike, sites_first, persistence,
+        empty_variance;
     return stage_of_differences(sites, z, {});
   };
   EXPECT_EQ(stage(11, -3.5), "optics");
@@ -394,8 +414,10 @@ TEST(Stages, EmptySitesThatGlowAndNothingElseAreOfTheOptics) {
   EXPECT_EQ(stage(21, -3.5, 0, -4), "sensor");  // for so long that the stack begins darker
   EXPECT_EQ(stage(48, -11, 0, 0, 0, 0, -4), "sensor");
   EXPECT_EQ(stage(48, -11, 0, 0, 0, 0, 4), "optics");
-  EXPECT_EQ(stage(30, -3.5, 0, 0, 8, 13), "sensor");  // or has not read where they are next
-  EXPECT_EQ(stage(11, 6), "scene");                   // atoms that leave before the end
+  EXPECT_EQ(stage(30, -3.5, 0, 0, 8, 13), "sensor");           // or has not read where they are next
+  EXPECT_EQ(stage(17, -3.5, 0, 0, 0, 0, 0, 9, 11), "sensor");  // or remembers where they were for long
+  EXPECT_EQ(stage(17, -3.5, 0, 0, 0, 0, 0, 3, 11), "scene");
+  EXPECT_EQ(stage(11, 6), "scene");  // atoms that leave before the end
   EXPECT_EQ(stage(-11, 1), "scene");
   EXPECT_EQ(stage(7, 1), "scene");
 }
@@ -647,6 +669,37 @@ TEST(Stages, ManyEffectsThatComeAsCloseSpeakNoLouder) {
     list.push_back(one);
   }
   EXPECT_EQ(stage_at(0, 20, 0, 0, list), "sensor");
+}
+
+TEST(Stages, ImagesThatGetWiderButHaveTooLittleNoiseAreTheSensors) {
+  const std::vector<StatisticDeclaration> images = {
+      {"light.point_spread.ring.1", "point_spread_halo", "shape", "around sites", false},
+      {"light.image_noise.occupied.core", "mean_variance_curve", "intensity", "occupied sites", false},
+      {"light.temporal_maps.by_light.5", "mean_variance_curve", "intensity", "whole frame", false}};
+  const auto stage = [&](double ring, double core, double pixels) {
+    return stage_of_differences(images, Eigen::Vector3d(ring, core, pixels), {});
+  };
+  EXPECT_EQ(stage(25, -6.8, -7.0), "sensor");
+  EXPECT_EQ(stage(25, -6.8, 0), "optics");
+  EXPECT_EQ(stage(200, -6.8, -7.0), "optics");
+}
+
+TEST(Stages, NoiseAroundEmptySitesThatReachesAsFarAsImagesIsOfAtomsThere) {
+  const std::vector<StatisticDeclaration> pixels = {
+      {"light.neighbours.all.right_2", "horizontal_correlation", "space", "whole frame", false},
+      {"light.neighbours.all.down_2", "vertical_correlation", "space", "whole frame", false},
+      {"light.image_noise.empty.wing", "mean_variance_curve", "intensity", "occupied sites", false},
+      {"light.image_noise.occupied.wing", "mean_variance_curve", "intensity", "occupied sites", false},
+      {"dark.neighbours.dark.right_1", "horizontal_correlation", "space", "dark pixels", true}};
+  const auto stage = [&](double empty, double occupied, double down = 60, double darks = 1) {
+    Eigen::VectorXd z(5);
+    z << 64, down, empty, occupied, darks;
+    return stage_of_differences(pixels, z, {});
+  };
+  EXPECT_EQ(stage(35, 21), "scene");
+  EXPECT_EQ(stage(21, 35), "sensor");
+  EXPECT_EQ(stage(35, 21, 5), "sensor");
+  EXPECT_EQ(stage(35, 21, 60, 6), "sensor");
 }
 
 }  // namespace

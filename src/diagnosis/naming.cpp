@@ -27,6 +27,7 @@ constexpr double least_evidence = 4;           // log likelihood: a little scatt
 constexpr double sure = 0.9, possible = 0.02;  // probabilities: of one model alone, of one beside it
 constexpr double hardly_any = 0.04;            // part of a model's own stacks
 constexpr double shows = 0.9;                  // part of the plain model's stacks that have less
+constexpr double shows_clearly = 0.995;        // nearly all
 constexpr double large = 30;                   // deviations: beyond, one is as good as another
 
 /// Far more than its own stacks have, and not just the last digits of a law, by any of these stacks: no
@@ -48,6 +49,16 @@ std::vector<std::string> observables_of(const std::vector<std::string>& effects)
 /// A few large deviations are not everything.
 Eigen::VectorXd no_larger(const Eigen::VectorXd& z) {
   return z.cwiseMin(large).cwiseMax(-large);
+}
+
+/// A length that an effect repeats after is the longest that the frame holds, or may be.
+bool as_long_as_may_be(const Model& model, const std::string& effect) {
+  for (Eigen::Index k = model.first_effect_parameter; k < std::ssize(model.open); ++k) {
+    const Uncertain& one = model.open[static_cast<std::size_t>(k)];
+    if (one.name == "effects." + effect + ".period_px" && model.estimate(k) + model.error(k) >= one.most)
+      return true;
+  }
+  return false;
 }
 
 /// How much there is in deviations.
@@ -201,11 +212,12 @@ double Naming::further_along(const Model& model, const std::vector<std::string>&
 }
 
 /// Fringes between sites that stand some fringes apart make each as bright as chance has it: so does whatever
-/// else makes sites differ.
+/// else makes sites differ. Fringes as far apart as the frame is wide are a slope, as much else is.
 std::string Naming::not_known(const Model& model) const {
   for (const std::string& effect : model.effects) {
     const std::vector<std::string>& by = find_effect(effect)->known_by;
-    if (!by.empty() && std::min(below(model, by).without, further_along(model, by)) < shows)
+    const double least = as_long_as_may_be(model, effect) ? shows_clearly : shows;
+    if (!by.empty() && std::min(below(model, by).without, further_along(model, by)) < least)
       return fmt::format("{} is known by {}, which shows nothing", effect, fmt::join(by, ", "));
   }
   return "";

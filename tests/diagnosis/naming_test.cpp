@@ -68,6 +68,10 @@ class Naming : public testing::Test {
   }
   /// What the frames have far off is so far off.
   void push(double by) { plain_.z.head(moved).setConstant(by); }
+  /// It is hardly off the way that effects go, and some of it to either side.
+  void push_hardly(double along, double aside) {
+    for (Eigen::Index k = 0; k < moved; ++k) plain_.z(k) = along + (k % 2 ? aside : -aside);
+  }
   /// The frames are as usual in the rest.
   void calm_the_rest() { plain_.z.tail(statistics - moved).setConstant(1); }
   /// What the frames have far off is an observable.
@@ -376,6 +380,25 @@ TEST_F(Naming, AnEffectIsNotNamedWhereWhatItIsKnownByShowsNothing) {
   EXPECT_EQ(name(unseen, {"site_brightness_spread"}), "site_brightness_spread");
   EXPECT_NE(unseen.not_known(model({"etaloning_fringes"}, 1, 0.5)).find("mean_map"), std::string::npos);
   EXPECT_TRUE(unseen.not_known(model({"site_brightness_spread"}, 1, 0.5)).empty());
+}
+
+// Fringes as far apart as the frame is wide are any slope of the sites' brightness: the mean image is to show
+// them clearly.
+TEST_F(Naming, FringesThatTheFrameDoesNotHoldOnceAreKnownOnlyIfTheyShowClearly) {
+  const atomcam::Naming naming = naming_by_observable("mean_map", "site_brightness");
+  Model found = model({"etaloning_fringes"}, 1, 0.5);
+  found.open = effect_prior(*find_effect("etaloning_fringes"), 96, 300);
+  found.first_effect_parameter = 0;
+  found.error = Eigen::Vector2d(0.1, 0.1);
+  const auto known = [&](double period_px) {
+    found.estimate = Eigen::Vector2d(found.open[0].centre, std::log(period_px));
+    return naming.not_known(found).empty();
+  };
+  EXPECT_TRUE(known(20));
+  EXPECT_TRUE(known(66));
+  push_hardly(0.55, 1.3);
+  EXPECT_TRUE(known(20));
+  EXPECT_FALSE(known(66));
 }
 
 // A drift's own stacks scatter so widely that they have whatever images and counts do: what drifts is known

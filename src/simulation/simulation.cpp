@@ -11,6 +11,7 @@
 #include "base/error.hpp"
 #include "effects/patterns.hpp"
 #include "simulation/exposure.hpp"
+#include "simulation/kept_electrons.hpp"
 #include "simulation/landing.hpp"
 #include "simulation/parallel.hpp"
 
@@ -96,6 +97,7 @@ struct State {
   std::shared_ptr<const PointSpreadFunctions> point_spread;
   double electrons_per_photon;
   std::vector<ActiveEffect> scene_effects, light_effects, electron_effects, register_effects, count_effects;
+  mutable KeptElectrons electrons;
 };
 
 /// One frame in the making.
@@ -108,6 +110,7 @@ class Exposure {
         threads_(threads),
         window_(exposure_window(settings, line_time_s(state.lab, settings))) {
     electrons_of_ = [this](std::uint64_t earlier) {
+      if (const auto kept = state_.electrons.find(earlier, settings_)) return *kept;
       return Exposure(state_, settings_, earlier, threads_).electrons();
     };
     form_light();
@@ -237,6 +240,7 @@ class Exposure {
     if (!readout_) expose();
     ElectronImage image(readout_->plane_shape());
     parallel_for(image.rows(), threads_, 16, [&](int row) { readout_->collect(row, image.row(row)); });
+    state_.electrons.keep(number_, settings_, image);
     return image;
   }
 

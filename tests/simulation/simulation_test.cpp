@@ -45,6 +45,21 @@ TEST_P(BothCameras, SameBitsOnAnyNumberOfThreadsAndInAnyOrder) {
   EXPECT_FALSE(Simulation(lab).render(3, lab.settings).counts == third.counts);
 }
 
+TEST_P(BothCameras, WhatIsLeftOfEarlierFramesIsTheSameInAnyOrder) {
+  Lab lab = small_lab(GetParam());
+  lab.effects["image_lag"] = {0.3, 4};
+  const Simulation forward(lab), backward(lab);
+  CameraSettings brighter = lab.settings;
+  brighter.exposure_s *= 2;
+  std::vector<Frame> frames;
+  for (std::uint64_t n = 0; n < 12; ++n) frames.push_back(forward.render(n, lab.settings, 1));
+  const Frame other = forward.render(11, brighter, 1);
+  EXPECT_FALSE(other.counts == frames[11].counts);
+  EXPECT_EQ(Simulation(lab).render(11, brighter, 1).counts, other.counts);
+  for (std::uint64_t n = 12; n-- > 0;)
+    EXPECT_EQ(backward.render(n, lab.settings, 2).counts, frames[n].counts) << n;
+}
+
 TEST_P(BothCameras, AnEffectOfZeroStrengthChangesNoBit) {
   const Lab lab = small_lab(GetParam());
   const Frame plain = Simulation(lab).render(5);

@@ -149,6 +149,7 @@ TEST(Stages, NoiseThatVariesWithTheSitesLightAndNoLevelIsOfTheGain) {
     return stage_of_differences(frames, Eigen::Vector3d(sites, noise, level), {});
   };
   EXPECT_EQ(stage(24, 7, 0.6), "sensor");
+  EXPECT_EQ(stage(9, 4.8, 0.6), "sensor");
   EXPECT_EQ(stage(24, 2, 0.6), "scene");
 }
 
@@ -272,6 +273,8 @@ TEST(Stages, ImagesThatMoveAreTheAtomsOrTheOptics) {
                                 Eigen::Vector<double, 5>(noise, neighbours, -neighbours, dark, position), {});
   };
   EXPECT_EQ(stage(50, 51, 13, 28), "scene");    // each atom on its own
+  EXPECT_EQ(stage(65, 11.7, 3, 17), "scene");   // slowly: few pixels go together, the mean moves along
+  EXPECT_EQ(stage(65, 11.7, 3, 5), "sensor");   // or stays
   EXPECT_EQ(stage(50, 51, 13, 80), "optics");   // all together
   EXPECT_EQ(stage(50, 51, 13, 5), "optics");    // about their middle
   EXPECT_EQ(stage(50, 51, 40, 28), "sensor");   // where no light is, too

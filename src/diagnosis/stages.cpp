@@ -261,28 +261,32 @@ bool light_gathers(const std::vector<StatisticDeclaration>& battery, const Eigen
 
 /// Pixels between the sites that go together with those on all sides of them, with the shutter open only, and
 /// have more noise than so much light all the time would have, which is odder than anything else: atoms
-/// there. Or they are lit by the sites as well and go together as far as images reach, and what is around
-/// empty sites has more noise than what is around occupied ones.
+/// there.
 bool light_comes_and_goes(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
   constexpr double clear = 8, beside = 0.2, quiet = 4;
   const auto near = [&](std::string_view way) {
     return neighbours_in_light(".neighbours.dark.", way, battery, z);
   };
-  const auto lit = [&](std::string_view way) {
-    return neighbours_in_light(".neighbours.all.", way, battery, z);
-  };
-  const double empty = deviation_of("light.image_noise.empty.wing", battery, z);
-  if (stands_out(empty, z, clear, beside) &&
-      empty > deviation_of("light.image_noise.occupied.wing", battery, z) &&
-      stands_out(std::min(lit("right_2"), lit("down_2")), z, clear, beside) &&
-      neighbours_in_darks(battery, z) < quiet)
-    return true;
   double noise = 0;
   for (std::size_t k = 0; k < battery.size(); ++k)
     if (!battery[k].darks && has(battery[k], ".temporal_maps.by_light."))
       noise = std::max(noise, z(static_cast<Eigen::Index>(k)));
   return stands_out(noise, z, clear, 0.9) &&
          stands_out(std::min(near("right_1"), near("down_1")), z, clear, beside) &&
+         neighbours_in_darks(battery, z) < quiet;
+}
+
+/// Likewise where the sites light them as well: they go together as far as images reach, and what is around
+/// empty sites has more noise than what is around occupied ones.
+bool images_come_and_go(const std::vector<StatisticDeclaration>& battery, const Eigen::VectorXd& z) {
+  constexpr double clear = 8, beside = 0.2, quiet = 4;
+  const auto lit = [&](std::string_view way) {
+    return neighbours_in_light(".neighbours.all.", way, battery, z);
+  };
+  const double empty = deviation_of("light.image_noise.empty.wing", battery, z);
+  return stands_out(empty, z, clear, beside) &&
+         empty > deviation_of("light.image_noise.occupied.wing", battery, z) &&
+         stands_out(std::min(lit("right_2"), lit("down_2")), z, clear, beside) &&
          neighbours_in_darks(battery, z) < quiet;
 }
 
@@ -625,6 +629,7 @@ constexpr Sign signs[] = {
     {"scene", images_move_each},
     {"scene", light_gathers, true},
     {"scene", light_comes_and_goes, true},
+    {"scene", images_come_and_go, true},
     {"optics", field_is_displaced},
     {"scene", sites_are_displaced},
 };
